@@ -1,4 +1,9 @@
-"""Check every internal link of a built site, anchors included: `check_links.py FOLDER`."""
+"""Check every internal link of a built site, anchors included: `check_links.py FOLDER`.
+
+What comes in: a folder of HTML pages, as Sphinx builds them. What goes out: the number of links
+and pages, and a line ``page: link`` for each internal link whose file or anchor is missing. The
+exit status is 1 if there is such a link, or no page. Links to other sites are not followed.
+"""
 
 import re
 import sys
@@ -7,17 +12,21 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 ROOT = Path(sys.argv[1]).resolve()
+# The target of a link, a picture, a script or a style sheet.
 LINK = re.compile(r'(?:href|src)="([^"]+)"')
 
 
 @cache
 def anchors(page: Path) -> set[str]:
-    """Return the anchors of a page."""
+    """Return the anchors of a page: the values of its ``id`` attributes."""
     return set(re.findall(r'\bid="([^"]+)"', page.read_text(encoding="utf-8")))
 
 
 def broken(page: Path, link: str) -> bool:
-    """Say whether an internal link of a page leads nowhere."""
+    """Say whether an internal link, as it is written on a page, leads nowhere.
+
+    False for links to other sites. Only of HTML pages are anchors looked up.
+    """
     parts = urlsplit(link)
     if parts.scheme or parts.netloc or link == "#":
         return False

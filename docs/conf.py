@@ -3,6 +3,11 @@
 Build it, in an environment with the extra ``docs``::
 
     python -m sphinx -j auto -W --keep-going -b html docs docs/_build/html
+
+Sphinx runs this file first, in four steps: it prepares what pages and their cells need (paths,
+IPython's profile, pages of results and of the reference), starts the export of the atlas,
+states the settings, and connects functions that check and link. What is written is in
+docs/_build and docs/results, which git ignores: delete them to begin anew.
 """
 
 from __future__ import annotations
@@ -22,6 +27,7 @@ from docutils import nodes
 from docutils.parsers.rst.states import Inliner
 from sphinx.util.logging import getLogger
 
+# Preparations --------------------------------------------------------------------------------
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]
 # Cells run in kernels of their own: they find this checkout, its command, one thread each.
@@ -73,7 +79,8 @@ made.mkdir(parents=True, exist_ok=True)
 made_pages = import_module("made_pages")  # a module of this folder
 (made / "commands.md").write_text(made_pages.commands_page(), encoding="utf-8")
 (made / "library.md").write_text(made_pages.library_page(), encoding="utf-8")
-# Outputs are kept as long as the code that made them is the same.
+# Outputs of cells are kept as long as the code that made them is the same: the name of their
+# folder is a hash of it, and folders of other code are deleted.
 code = hashlib.sha256()
 for package in ("formulations", "lockedjoint", "nlp"):
     for file in sorted((HERE.parent / package).rglob("*")):
@@ -84,7 +91,8 @@ for old in CACHE.parent.glob("*"):
     if old.is_dir() and old != CACHE:
         shutil.rmtree(old)
 
-# The atlas is made by its own command while pages are read, and copied as it is.
+# The atlas is made by its own command while pages are read, and copied as it is. EXPORT is the
+# process that makes it, None if it is there already.
 ATLAS = HERE / "_build" / "atlas" / CACHE.name / "atlas"
 EXPORT = None
 if not (ATLAS / "ro-crate-metadata.json").exists():  # written last
@@ -105,7 +113,7 @@ extensions = [
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build", "jupyter_execute", "reference/*/modules.rst"]
-# Two modules may name a class alike.
+# A warning on names that two modules have: a class may be named alike in both.
 suppress_warnings = ["ref.python"]
 
 # Pages ---------------------------------------------------------------------------------------
@@ -176,8 +184,8 @@ copybutton_exclude = ".linenos, .gp, .go, span:empty + .o, span:empty + .o + .k"
 copybutton_prompt_text = "$ "
 
 # What is linked to, checked and awaited ------------------------------------------------------
-# Names of other libraries. Intersphinx would read their inventories from the net, and neither
-# CasADi (one page) nor pinocchio (Doxygen) has one.
+# Addresses of names of other libraries. Intersphinx would read their inventories from the net,
+# and neither CasADi (one page) nor pinocchio (Doxygen) has one.
 NUMPY = "https://numpy.org/doc/stable/reference/"
 CVXPY = "https://www.cvxpy.org/api_reference/"
 CASADI = "https://web.casadi.org/python-api/"
@@ -197,7 +205,8 @@ ELSEWHERE = {
     "Variable": f"{CVXPY}cvxpy.expressions.html#cvxpy.expressions.variable.Variable",
     "Model": f"{PINOCCHIO}structpinocchio_1_1ModelTpl.html",
 }
-# Where a name of these is meant: of a library, or alone.
+# Libraries, as docstrings abbreviate them, and types that stand alone: what begins with one of
+# these is looked up in `ELSEWHERE`.
 OTHERS = {
     "numpy",
     "np",

@@ -1,4 +1,9 @@
-"""Pages of the reference that are made from the program: its commands and its public names."""
+"""Pages of the reference that are made from the program: its commands and its public names.
+
+`conf.py` writes what the two public functions return, as Markdown, into docs/_build/made. The
+pages reference/commands.md and reference/library.md include it. To change a text, change the
+help of the command, the docstring, or the comment in ``lockedjoint/__init__.pyi``.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +19,7 @@ import click
 import lockedjoint as lj
 from lockedjoint.commands.app import GROUPS, app
 
-# Help is as wide as the page has room for.
+# Width of the help, in characters: as many as a page has room for.
 _WIDTH = 88
 
 
@@ -38,7 +43,10 @@ def commands_page() -> str:
 
 
 def _help(words: tuple[str, ...], command: Any, level: int = 2) -> list[str]:
-    """Return the heading of a command and its help."""
+    """Return the lines of a command's heading, of a level, and of its help.
+
+    `words` are what a user types: the program, the command and, of a group, the inner command.
+    """
     parent = None
     for word in words[:-1]:
         parent = click.Context(app, info_name=word, parent=parent, terminal_width=_WIDTH)
@@ -64,7 +72,11 @@ def library_page() -> str:
 
 
 def _sections() -> dict[str, list[tuple[str, str]]]:
-    """Return the public names and their modules, by the comment above them."""
+    """Return the public names, each with the module that it is from, by heading.
+
+    A heading is the comment above a block of imports in ``__init__.pyi``. Its part before the
+    first colon is the title, and the rest a sentence below it.
+    """
     text = Path(lj.__file__).with_suffix(".pyi").read_text("utf-8")
     sections: dict[str, list[tuple[str, str]]] = {}
     for block in text.split("\n\n"):
@@ -81,7 +93,11 @@ def _sections() -> dict[str, list[tuple[str, str]]]:
 
 
 def _entry(name: str, home: str) -> list[str]:
-    """Return what autodoc writes of a name; of a module, a link to its page."""
+    """Return the lines on a public name that is imported from the module `home`.
+
+    Autodoc writes those of a function or a class. A module has a link to its page, and a
+    mapping has its keys.
+    """
     full = f"lockedjoint.{name}"
     try:
         value: Any = getattr(lj, name)

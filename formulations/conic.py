@@ -5,6 +5,7 @@ import threading
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
+from functools import cache
 
 import cvxpy as cp
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
@@ -25,9 +26,15 @@ def check_solver(name: str, *others: str) -> str:
     InputError
         If cvxpy has no solver of semidefinite programs of this name, in capitals or not.
     """
-    known = [*others, *filter(_solves_semidefinite, cp.installed_solvers())]
+    known = [*others, *_semidefinite_solvers()]
     found: str = one_of("solver", name if name in known else str(name).upper(), known)
     return found
+
+
+@cache
+def _semidefinite_solvers() -> tuple[str, ...]:
+    """Return the solvers of semidefinite programs; cvxpy imports each to find them."""
+    return tuple(filter(_solves_semidefinite, cp.installed_solvers()))
 
 
 def _solves_semidefinite(name: str) -> bool:

@@ -23,7 +23,7 @@ from concurrent.futures import (
     as_completed,
     wait,
 )
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import current_process, resource_tracker
 from typing import Any, TypeVar
@@ -136,11 +136,16 @@ class LocalExecutor(Executor):
                 except RuntimeError:  # a process, or another thread, ended the pool
                     self._pool = None
                     future = self._started().submit(call, *arguments, **more)
+                # Before an interrupt is heard, because `shutdown` waits for what is in the set.
+                self._under_way.add(future)
         except OSError as reason:
             raise WorkerError(f"No process can be started: {reason}.") from reason
-        self._under_way.add(future)
-        future.add_done_callback(self._under_way.discard)
+        future.add_done_callback(self._ended)
         return future
+
+    def _ended(self, call: Future[Any]) -> None:
+        if not call.cancelled():  # the pool's thread has yet to see that it is
+            self._under_way.discard(call)
 
     def _started(self) -> Any:
         """Return joblib's pool, which is started or taken over at the first call."""
@@ -156,20 +161,30 @@ class LocalExecutor(Executor):
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the processes if they may still work; else the next executor uses them."""
-        if kind is not None or self._under_way:
+        if kind is not None or not all(call.cancelled() for call in self._under_way):
             self.shutdown()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
         """End the processes, those that still work included."""
         if self._pool is None:
             return
-        # A shutdown of loky fails on calls that its thread has not yet seen.
-        latest = time.monotonic() + _HANDOVER_SECONDS
         calls = tuple(self._under_way)
-        while time.monotonic() < latest and not all(c.running() or c.done() for c in calls):
-            time.sleep(_HANDOVER_PULSE_SECONDS)
+        # A thread that blocks no signals, such as tqdm's, may take one; then an interrupt is
+        # heard within a submission. The pool's thread sees that call before this one.
+        with suppress(RuntimeError):  # a pool that has ended takes none
+            calls += (self._pool.submit(int),)
+        _wait_for_handover(calls)
         self._pool.shutdown(wait=True, kill_workers=True)
         self._pool = None
+
+
+def _wait_for_handover(calls: Sequence[Future[Any]]) -> None:
+    """Wait until loky's thread has seen calls; a shutdown fails on one that it has not seen."""
+    latest = time.monotonic() + _HANDOVER_SECONDS
+    while time.monotonic() < latest and not all(c.running() or c.done() for c in calls):
+        time.sleep(_HANDOVER_PULSE_SECONDS)
+    # A cancelled call is done at once; `wait` waits until the thread has seen it, too.
+    wait([call for call in calls if call.cancelled()], _HANDOVER_SECONDS)
 
 
 @contextmanager
@@ -177,14 +192,14 @@ def _interrupts_wait() -> Iterator[None]:
     """Start processes that do not hear Ctrl-C: they inherit which signals this thread blocks.
 
     A terminal sends Ctrl-C to all processes, and one that is starting would answer with a
-    traceback. This thread hears a Ctrl-C of that moment afterwards.
+    traceback. This thread hears a Ctrl-C or a SIGTERM of that moment afterwards.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    # The tracker of resources would unblock the signal as it starts: it has to run before.
+    # The tracker of resources would unblock the signals as it starts: it has to run before.
     resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:
@@ -192,8 +207,13 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 def _prepare_worker(parent: int) -> None:
-    """Leave Ctrl-C to the parent, and end with it, even if a call never returns."""
+    """Leave Ctrl-C to the parent, and end with it, even if a call never returns.
+
+    SIGTERM, which was blocked while this process started, ends it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
 
     def watch() -> None:
         """End this process when its parent is another one: the first has ended."""

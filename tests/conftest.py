@@ -2,7 +2,9 @@
 
 The tests run on all cores, by pytest-xdist with ``--dist loadfile``: tests of one file stay on
 one worker, so that the fixtures of a file are made once. Of tests that kill or time processes,
-which are marked ``processes``, no two run at the same time.
+which are marked ``processes``, no two run at the same time: their files stay on one worker, so
+that no worker waits for another. Files that take long begin first, so that at the end no worker
+has one of these while the others have none.
 """
 
 from __future__ import annotations
@@ -15,9 +17,11 @@ import signal
 import subprocess
 import sys
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from shutil import which
 from tempfile import TemporaryFile
@@ -30,6 +34,7 @@ from unittest.mock import patch
 import pytest
 from filelock import FileLock
 from hypothesis import settings
+from xdist.scheduler import LoadFileScheduling
 
 ROOT = Path(__file__).parents[1]
 
@@ -43,6 +48,43 @@ os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 # The same examples everywhere, and no limit on time on shared machines.
 settings.register_profile("lockedjoint", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("lockedjoint")
+
+
+@cache
+def has_processes(file: str) -> bool:
+    """Whether some tests of a file are marked `processes`."""
+    return "mark.processes" in (ROOT / file).read_text(encoding="utf-8")
+
+
+class _Scheduling(LoadFileScheduling):
+    """Give a file to a worker, all files with tests marked `processes` to one."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file: str = super()._split_scope(nodeid)
+        return "processes" if has_processes(file) else file
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _Scheduling | None:
+    """Return what gives files to workers, in the order in which they are collected."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    config.option.loadscopereorder = False
+    return _Scheduling(config, log)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put the files that take long first, where several workers take them one by one."""
+    if not hasattr(config, "workerinput"):
+        return
+    weights = Counter[str]()
+    for item in items:
+        file = item.nodeid.partition("::")[0]
+        marks = {mark.name for mark in item.iter_markers()}
+        weights[file] += 100 if "long" in marks else 20 if "slow" in marks else 1
+    for file in weights:
+        weights[file] += 10**6 * has_processes(file)
+    items.sort(key=lambda item: -weights[item.nodeid.partition("::")[0]])
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -112,6 +154,14 @@ def derived(once: Callable[[str, Callable[[], Any]], Any], seven: Any) -> Any:
 
     with patch.object(derive, "rewriting", lambda *_: seven):
         return once("certificate", derive.derive)
+
+
+@pytest.fixture(scope="session")
+def bounds(once: Callable[[str, Callable[[], Any]], Any]) -> Any:
+    """Return the bound of every entry of the atlas, by name: half a minute's work."""
+    from lockedjoint.formulations.atlas.collection import read_atlas
+
+    return once("bounds", lambda: {page.entry.name: page.entry.bound for page in read_atlas()})
 
 
 @pytest.fixture(scope="session")

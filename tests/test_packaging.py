@@ -147,8 +147,8 @@ def test_the_readme_of_an_index_has_no_relative_link(built):
 def test_the_lowest_versions_are_the_lower_bounds():
     with (ROOT / "pyproject.toml").open("rb") as file:
         project = tomllib.load(file)["project"]
-    figures = project["optional-dependencies"]["figures"]
-    bounds = dict(line.split(">=") for line in [*project["dependencies"], *figures])
+    extras = [project["optional-dependencies"][name][0] for name in ("figures", "tables")]
+    bounds = dict(line.split(">=") for line in [*project["dependencies"], *extras])
     lines = (ROOT / ".ci/lowest.txt").read_text("utf-8").splitlines()
     lowest = dict(line.split("==") for line in lines if not line.startswith("#"))
     assert lowest.keys() == bounds.keys()

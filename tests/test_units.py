@@ -282,3 +282,7 @@ def test_angles_of_obstacles_and_orientations_that_can_hardly_be_meant(folder, l
     for angles, noted in (("45", True), ("0.5", False)):
         done = lockedjoint.here(*f"{line}{angles}".split(), cwd=folder)
         assert ("--orientation beyond two turns" in done.stderr) == noted, done.stderr
+        how = {"voxel": 0.5, "slice_degrees": 45}
+        stated = np.array([0, 0, float(angles)])
+        notes = lj.workspace(folder / "flat.urdf", orientation=stated, **how).notes
+        assert any("orientation beyond two turns" in note for note in notes) == noted

@@ -1,21 +1,19 @@
 """The bounds of the atlas, proved anew: of what an entry states, not of how it was computed.
 
-A closed form is decided in rational arithmetic, by arguments of docs/several_failures.md or
-docs/bounds.md; but for `proves_ratio` and `excludes_eigenvalue`, no function here shares code
-with `lockedjoint.formulations.bounds`, which finds these numbers. The relaxation is solved
-again, and its multipliers are checked in rational arithmetic. Branch and bound is searched
-again at the number that is stated, or at one that implies it. A two-point bound is proved from
-multipliers. What follows from the least residual needs its certificate, and so do the worst
-cases of unit revolute 7R and of isotropic 7R.
+A closed form is decided in rational arithmetic, see `proved_closed_forms`. The relaxation is
+solved again, and its multipliers are checked in rational arithmetic. Branch and bound is
+searched again at the number that is stated, or at one that implies it. A two-point bound is
+proved from multipliers. What follows from the least residual needs its certificate, and so do
+the worst cases of unit revolute 7R and of isotropic 7R.
 
 J is a Jacobian of shape (m, n), one column per joint; F is any set of k joints that lock, and
 A_F = J_F̄J_F̄ᵀ without their columns. T = ‖J‖_F². What is bounded is the entry's measure: the
 worst case σ = √t, t the least eigenvalue of all A_F; or the least relative manipulability,
-√(det A_F/det JJᵀ); or the least reciprocal condition number of J_F̄. In the functions below
-`m`, `n` and `k` are these numbers. `square` is the square of a stated bound, and a function
-``…_proves`` says whether it is proved that no squared measure is above it; False says that
-*this* argument does not prove it. All numbers are fractions and nothing is rounded, but for the
-searches and certificates, which bound their own rounding.
+√(det A_F/det JJᵀ); or the least reciprocal condition number of J_F̄. `square` is the square of
+a stated bound, and a function ``…_proves`` says whether it is proved that no squared measure is
+above it; False says that *this* argument does not prove it. All numbers are fractions, and but
+for the searches and certificates, which bound their own rounding, nothing is rounded except
+roots, down.
 """
 
 from collections.abc import Callable
@@ -24,11 +22,11 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import cache
 from inspect import signature
-from math import comb, factorial
 from pathlib import Path
 
 from lockedjoint.formulations import condition, isotropy, manipulability
 from lockedjoint.formulations.atlas.entry import RESOLUTION, Entry, EntryPage
+from lockedjoint.formulations.atlas.proved_closed_forms import closed_form_proves
 from lockedjoint.formulations.bounds.certified import (
     FIVE_LEVERS,
     Bound,
@@ -47,30 +45,23 @@ from lockedjoint.formulations.bounds.revolute_exclusions import (
     excludes_isotropic,
     excludes_max_min,
 )
-from lockedjoint.formulations.bounds.several_failures import proves_ratio
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
-from lockedjoint.formulations.bounds.two_sliders import excludes_eigenvalue, has_two_sliders
 from lockedjoint.formulations.existence.certificate import CertificateError
-from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic
 from lockedjoint.formulations.joints.parts import Statement
 from lockedjoint.nlp.errors import FileError
 
 # Factor on the square of a stated bound, which is right to the last digits of a double. At 1
-# some bounds would be refused for their last digit.
+# some bounds would be refused for their last digit; a larger one accepts bounds that are lower
+# than what is proved.
 _ROUNDING = 1 + Fraction(1, 10**14)
 # The measure that branch and bound bounds, of formulations other than max-min.
 _PLANAR_MEASURES: dict[str, Measure] = {
     manipulability.NAME: "manipulability",
     condition.NAME: "condition",
 }
-# Number of nodes at which a branch-and-bound search gives up. The longest search on record
-# looks at 7 877.
+# Number of nodes at which a branch-and-bound search gives up, so that the bound counts as not
+# proved. The longest search on record looks at 7 877.
 _MOST_NODES = 10_000
-# A rational number above π by less than 1e-21.
-_ABOVE_PI = Fraction(3141592653589793238463, 10**21)
-# Number of terms of the sine's power series at this number over 2 or more. The last one is
-# positive, so that their sum is above the sine; with fewer terms it would be farther above.
-_SINE_TERMS = 9
 # Name of the certificate of the residual.
 _RESIDUAL = "residual_tight.json"
 # Name of the certificate of the worst case.
@@ -84,8 +75,19 @@ _QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min", _ISOTROPY: "isotropy"
 class BoundProver:
     """Proves bounds of entries.
 
-    Certificates are files of the folder `certificates`. Each is verified once, when a bound
-    needs it, its sums on the executor; `progress` is told how far that is.
+    Parameters
+    ----------
+    certificates
+        A folder with the files of `_QUANTITIES`. Each is verified once, when a bound needs it.
+    executor
+        Where the sums of a certificate are computed; by default in this process.
+    progress
+        A function that is told how far the verification is.
+
+    Raises
+    ------
+    FileError
+        If the folder lacks one of the files.
     """
 
     def __init__(
@@ -104,7 +106,8 @@ class BoundProver:
     def prove(self, page: EntryPage, bound: Bound) -> None:
         """Prove a bound of the entry of a page, or raise CertificateError.
 
-        Of a bound that is only numerical it is checked that the value is not above it.
+        The value on the page must not be above any bound, up to `RESOLUTION`. A bound that is
+        only numerical (not `certified`) is not proved.
         """
         asked, square = page.entry, Fraction(bound.value) ** 2 * _ROUNDING
         if float(page.value) > bound.value + RESOLUTION:
@@ -141,9 +144,10 @@ class BoundProver:
     def _two_point_proves(self, asked: Entry, square: Fraction) -> bool:
         """Whether t ≤ `square` follows from what any two joints leave.
 
-        With G = Jᵀ(JJᵀ − tI)⁻¹J, t ≤ (T/m)(1 − m/tr G). A limit on tr G for fewer joints of
-        which two lock, from multipliers on record, leads to one for one joint and one failure
-        more at a time (docs/several_failures.md).
+        With G = Jᵀ(JJᵀ − tI)⁻¹J, t ≤ (T/m)(1 − m/tr G). `limit` is what tr G can at most be.
+        The first one is for two failures of n − k′ + 2 joints, from multipliers on record, for
+        each k′ = `failures` up to k. One joint and one failure more at a time lead to n joints
+        and k′ failures, which leave no less than k (docs/several_failures.md).
         """
         m, n = asked.task_dimension, asked.joints
         for failures in range(2, asked.failures + 1):
@@ -151,8 +155,9 @@ class BoundProver:
             if limit is None:
                 continue
             for joints in range(n - failures + 3, n + 1):
-                # tr G = m + s with (a − s)(b − s) ≥ s + s²/m, s ≤ a and s ≤ b: the largest s is
-                # 2ab/(a + b + 1 + root).
+                # tr G = m + s with (a − s)(b − s) ≥ s + s²/m, s ≤ a and s ≤ b, where a is n − m
+                # for these joints, and b the last limit less m. The largest s is
+                # 2ab/(a + b + 1 + root), and a root that is rounded down makes it larger.
                 a, b = joints - m, limit - m
                 root = root_below((a + b + 1) ** 2 - 4 * (1 - Fraction(1, m)) * a * b)
                 limit = m + 2 * a * b / (a + b + 1 + root)
@@ -161,7 +166,10 @@ class BoundProver:
         return False
 
     def _stated(self, name: str, joints: int) -> float:
-        """Return the bound of a certificate, verified; `name` is that of its file."""
+        """Return the bound of a certificate, by the name of its file, after its verification.
+
+        CertificateError if it is not valid, or is for another number of joints.
+        """
         if name not in self._verified:
             read = read_any(self._certificates / name)
             if not isinstance(read, BoundCertificate) or read.quantity != _QUANTITIES[name]:
@@ -178,7 +186,7 @@ class BoundProver:
 def _two_point_limit(task_dimension: int, joints: int) -> Fraction | None:
     """Return the limit on tr G that is proved from multipliers on record, None without any.
 
-    It holds for `joints` columns of which any two lock at once.
+    It holds for `joints` columns in `task_dimension` rows, of which any two lock at once.
     """
     known = two_point_on_record(task_dimension, joints)
     if known is None:
@@ -194,6 +202,7 @@ def _projection_proves(asked: Entry, level: float) -> bool:
     2 columns in the plane: their worst case is no smaller, their condition numbers are no
     larger, and of the trace at most 2/m is left (docs/several_failures.md).
     """
+    # Here n is the number of columns that are seen in the plane.
     m, n, k = asked.task_dimension, asked.joints - asked.task_dimension + 2, asked.failures
     measure = _PLANAR_MEASURES.get(asked.formulation, "max-min")
     if m > 2:
@@ -236,152 +245,3 @@ def _relaxation_proves(asked: Entry, square: Fraction) -> bool:
                 if square >= proof.level:
                     return True
     return False
-
-
-def closed_form_proves(asked: Entry, square: Fraction) -> bool:
-    """Whether a closed form proves that an entry's squared measure is at most `square`."""
-    m, n, k = asked.task_dimension, asked.joints, asked.failures
-    if asked.relative:
-        return _minors_prove(m, n, k, square)
-    if asked.formulation == condition.NAME:
-        return _determinants_prove(m, n, k, square)
-    if has_two_sliders(asked.arm) and excludes_eigenvalue(square):
-        return True
-    joints = asked.arm.joints
-    norms = [Fraction(joint.largest_norm_squared) for joint in joints]
-    if several_failures_prove(m, n, k, square / sum(norms)):
-        return True
-    if asked.model == "free" and asked.formulation == isotropy.NAME:
-        return _unit_columns_prove(m, n, k, square)
-    if asked.model.startswith("free"):
-        return False
-    # Revolute and prismatic joints: rotational and linear rows, each with its own joints.
-    r = Fraction(sum(not isinstance(joint, Prismatic) for joint in joints))
-    linear = sum(norms) - r
-    by_rows = several_failures_prove(3, int(r), k, square / r) or several_failures_prove(
-        3, n, k, square / linear
-    )
-    if by_rows or asked.formulation != isotropy.NAME:
-        return by_rows
-    # Isotropic: JJᵀ = (T/m)I, and after the loss of column j its least eigenvalue is T/m −
-    # |j|². The three rotational rows have r, so that T = 2r, and some column has at least the
-    # mean of the squared norm that fixed ones leave.
-    fixed = [
-        norm
-        for norm, joint in zip(norms, joints, strict=True)
-        if not isinstance(joint, LeverRevolute)
-    ]
-    largest = max([*fixed, (2 * r - sum(fixed)) / max(n - len(fixed), 1)])
-    return square >= 2 * r / m - largest
-
-
-def several_failures_prove(m: int, n: int, k: int, share: Fraction) -> bool:
-    """Whether t ≤ T · `share` is proved, t the squared worst case of n columns, T = ‖J‖_F².
-
-    What holds after fewer failures holds after k; without its longest column J keeps (n − 1)/n
-    of T at most. The closed forms of one pair of m and n each are derived in
-    docs/several_failures.md.
-    """
-    if k > n - m:
-        return share >= 0
-    if k > 1 and several_failures_prove(m, n, k - 1, share):
-        return True
-    if k > 1 and several_failures_prove(m, n - 1, k - 1, share * n / (n - 1)):
-        return True
-    sine = _sine_above(2 * n) ** 2
-    if k == 2 and n == m + 2 and share * (n - 2 + (1 / sine - 2) ** 2 / 2) >= 1:
-        return True
-    if k == 2 and n == m + 3 > 6 and share > 0 and proves_ratio(m, 1 / share):
-        return True
-    if m == 2 and k == n - 2 and share >= 2 * sine / n:
-        return True
-    return _mean_proves(m, n, k, m * share)
-
-
-def _mean_proves(m: int, n: int, k: int, y: Fraction) -> bool:
-    """Whether the mean of det(xI − A_F) over F changes its sign in [0, y], for JJᵀ = I.
-
-    Its least root is then at most y, and some A_F has no larger eigenvalue. The mean starts
-    with p = (x − 1)^m; after the loss of one of N columns it is p + (xp′ − mp)/N. `p` has its
-    coefficients, that of x⁰ first.
-    """
-    p = [Fraction((-1) ** (m - i) * comb(m, i)) for i in range(m + 1)]
-    for columns in range(n, n - k, -1):
-        p = [c * (1 + Fraction(i - m, columns)) for i, c in enumerate(p)]
-    value = sum(c * y**i for i, c in enumerate(p))
-    return value == 0 or (value > 0) != (p[0] > 0)
-
-
-def _minors_prove(m: int, n: int, k: int, square: Fraction) -> bool:
-    """Whether no least squared relative manipulability is above `square`.
-
-    The squares of all k-failures have the mean C(n − k, m)/C(n, m) (Cauchy and Binet). The
-    other conditions are those of docs/several_failures.md.
-    """
-    if square >= Fraction(comb(n - k, m), comb(n, m)):
-        return True
-    if k == n - m > 1 and 2 in (m, k) and square >= (2 * _sine_above(n) / n) ** 2:
-        return True
-    r = n - m
-    if k == 2 and 2 * n > r * (r + 1) and square * (r + 2) * n * m >= r**2 * (r - 1):
-        return True
-    return k > 1 and _minors_prove(m, n - 1, k - 1, square * n / (n - m))
-
-
-def _unit_columns_prove(m: int, n: int, k: int, square: Fraction) -> bool:
-    """Whether t ≤ `square` is proved of isotropic columns of length 1: by cosines of lines.
-
-    T = n, so that JJᵀ = (n/m)I, and the loss of columns leaves n/m less their largest
-    eigenvalue: for two columns 1 + |cosine|. n lines in m dimensions have a pair with at least
-    a certain cosine (`largest`); in the plane more columns than two are bounded likewise.
-    """
-    largest = root_below(Fraction(n - m, m * (n - 1)))
-    if 2 * n > m * (m + 1):
-        largest = max(largest, root_below(Fraction(1, m)))
-    if m == 3:
-        largest = max(largest, 1 / (2 * _sine_above(Fraction(6 * (n - 1), n)) ** 2) - 1)
-    longest = [1 + largest if k > 1 else Fraction(1)]
-    for few in range(2, min(k, n // 2 + 1) + 1) if m == 2 else ():
-        # |a + b exp(iφ)|² = (a + b)² − 4ab sin²(φ/2)
-        turned = 4 * (few // 2) * (few - few // 2) * _sine_above(Fraction(n, few - 1)) ** 2
-        longest.append((few + root_below(few**2 - turned)) / 2)
-    return square >= Fraction(n, m) - max(longest)
-
-
-def _determinants_prove(m: int, n: int, k: int, square: Fraction) -> bool:
-    """Whether no least λ_min/λ_max of A_F, over all sets F of k joints, is above `square`.
-
-    An A_F of trace τ and at least this ratio ρ has at least the determinant c τ^m, with
-    c = min_p ρ^p/(pρ + m − p)^m over the number p of small eigenvalues. The mean of the
-    determinants is known (docs/atlas_names.md).
-    """
-    share = Fraction(comb(n - m, k), comb(n, k)) * Fraction(n, (n - k) * m) ** m
-    t = square
-    if k > n - m or all(t**p >= share * (p * t + m - p) ** m for p in range(1, m)):
-        return True
-    sine = _sine_above(2 * n) ** 2
-    if m == 2 and k == n - 2 and square >= sine / (1 - sine):
-        return True
-    if (m, n, k) == (3, 5, 2) and _pentagon_proves(square):
-        return True
-    if m > 2 and _determinants_prove(m - 1, n - 1, k, square):
-        return True
-    return k > 1 and _determinants_prove(m, n - 1, k - 1, square)
-
-
-def _pentagon_proves(square: Fraction) -> bool:
-    """Whether κ ≥ tan(θ/2), sin θ = (√5 − 1)/2, for κ² = `square` below 1.
-
-    Of five columns in space, any three of which have to remain, no least σ_min/σ_max is above
-    tan(θ/2) (docs/several_failures.md). sin²θ = (3 − √5)/2 is to be at most the squared sine of
-    2 arctan κ, 4κ²/(1 + κ²)²; `rest` is 3 less twice this square, to be at most √5.
-    """
-    rest = 3 - 8 * square / (1 + square) ** 2
-    return square >= 1 or rest <= 0 or rest**2 <= 5
-
-
-def _sine_above(parts: int | Fraction) -> Fraction:
-    """Return a number above sin(π/parts), by less than 1e-13, for at least two parts."""
-    x = _ABOVE_PI / parts
-    terms = ((-1) ** i * x ** (2 * i + 1) / factorial(2 * i + 1) for i in range(_SINE_TERMS))
-    return sum(terms, Fraction(0))

@@ -1,18 +1,21 @@
 """Singular values that a proved residual of unit revolute joints excludes, for all lever arms.
 
 Column j_i = (v_i; ω_i) of a revolute joint has |ω_i| = 1 and v_i ⊥ ω_i, n ≥ 7 joints; it is a
-unit revolute joint if |v_i| = 1 as well. σ is the worst case after one locked joint, t = σ². ρ
-= ½‖JJᵀ − (n/3)I‖_F² is the residual of a unit revolute Jacobian J. With any |v_i|, J' has the
-columns (v_i/|v_i|; ω_i): it is a unit revolute Jacobian, whose residual is at least a proved
-bound, `residual` in the code (docs/bounds.md, section 5). Nothing has a unit: |v_i| is measured
-in lever arms of a unit revolute joint. The matrix of J' has 3×3 blocks,
+unit revolute joint if |v_i| = 1 as well. σ is the worst case, the least singular value of J,
+shape (6, n), after one locked joint, and t = σ². ρ = ½‖JJᵀ − (n/3)I‖_F² is the residual of a
+unit revolute Jacobian J. With any |v_i|, J' has the columns (v_i/|v_i|; ω_i): it is a unit
+revolute Jacobian, whose residual is at least a proved bound, `residual` in the code
+(docs/bounds.md, section 5). Nothing has a unit: |v_i| is measured in lever arms of a unit
+revolute joint. The matrix of J' has 3×3 blocks,
 
     J'J'ᵀ − (n/3)I = [E_v  E_x; E_xᵀ  E_w],   E_x = Σ (v_i/|v_i|) ω_iᵀ,
 
 and the lever defect weighs them (`lever_conditions`).
 
-Roots are found in double precision. What is claimed of them is checked in rational arithmetic,
-of the very doubles that are returned.
+What comes in: a proved residual or lever defect, and n. What goes out: a σ that no arm reaches
+(`least_excluded`), or whether a σ is excluded; and `largest_residual`, the other way round, a
+limit on ρ from t. Roots are found in double precision. What is claimed of them is checked in
+rational arithmetic, of the very doubles that are returned.
 """
 
 import math
@@ -28,15 +31,20 @@ from lockedjoint.formulations.bounds.rational_roots import (
 )
 from lockedjoint.nlp.arrays import real_number
 
+# Numbers with which a condition is first tried, and then proved.
 Number: TypeAlias = float | Fraction
 
 # Share of the mean eigenvalue by which the spread y is first raised above its double: above the
-# rounding of the bisection. It is doubled until the proof succeeds.
+# rounding of the bisection. It is doubled until the proof succeeds. A larger one gives larger
+# bounds, and a smaller one takes more steps.
 _FIRST_RAISE = Fraction(1, 2**48)
 
 
 def mean_residual(joints: int) -> float:
-    """Return the mean of ρ over all configurations, the unit in which blocks are scaled."""
+    """Return the mean of ρ over all configurations of n unit revolute joints, 5n/3.
+
+    It is the unit in which blocks of moments are scaled (`moments.conditions`).
+    """
     return 5 * joints / 3
 
 
@@ -45,8 +53,8 @@ def largest_residual(joints: int, t: float) -> float:
 
     The six eigenvalues λ_k of JJᵀ satisfy Σ λ_k = 2n and Σ 1/(λ_k − t) ≤ (n − 6)/t. At the
     largest ρ some p of them are (6 − p)y above their mean n/3 and the others py below, so that
-    ρ = 3p(6 − p)y². It is proved in rational arithmetic (docs/bounds.md, section 4); −inf if
-    there is no spectrum.
+    ρ = ½(p(6 − p)²y² + (6 − p)p²y²) = 3p(6 − p)y². It is proved in rational arithmetic
+    (docs/bounds.md, section 4); −inf if no spectrum satisfies this for t.
     """
     mean = Fraction(joints, 3) - Fraction(
         real_number("t", t, "a positive finite number", least=math.ulp(0.0))
@@ -55,7 +63,7 @@ def largest_residual(joints: int, t: float) -> float:
     if mean <= 0 or 6 / mean > limit:
         return -math.inf
     largest = max(3 * p * (6 - p) * _largest_spread(p, mean, limit) ** 2 for p in range(1, 6))
-    # The conversion is correctly rounded.
+    # The conversion rounds to the nearest double: the next one is above.
     return math.nextafter(float(largest), math.inf)
 
 
@@ -66,6 +74,7 @@ def _largest_spread(count: int, mean: Fraction, limit: Fraction) -> Fraction:
     """
 
     def allowed(y: Number, mean: Number, limit: Number) -> bool:
+        """Whether y satisfies the condition, in the arithmetic of its arguments."""
         high, low = mean + (6 - count) * y, mean - count * y
         return bool(low > 0 and count / high + (6 - count) / low <= limit)
 
@@ -84,8 +93,10 @@ Excludes: TypeAlias = Callable[[float, float, int], bool]
 
 @cache
 def least_excluded(excludes: Excludes, residual: float, joints: int = 7) -> float:
-    """Return a σ that no worst case (5) reaches, from a proved residual; at most √((n − 6)/3).
+    """Return a σ that no worst case (5) reaches, from a proved residual.
 
+    `residual` is what `excludes` takes first, a proved residual or lever defect. The σ is at
+    most the double above √((n − 6)/3), which is eq. (6) for T = 2n.
     It is the least double that `excludes` accepts, found by bisection. The proof is the call of
     `excludes` for the double that is returned.
     """
@@ -109,6 +120,7 @@ def excludes_isotropic(residual: float, sigma: float, joints: int = 7) -> bool:
     True is a proof, False says nothing.
     """
     delta = Fraction(joints - 6, 3) - Fraction(sigma) ** 2
+    # Then σ is above eq. (6).
     if delta < 0:
         return True
     y = joints * delta / (1 + delta)

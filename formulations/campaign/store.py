@@ -19,6 +19,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+from lockedjoint.formulations.io.objects import library
 from lockedjoint.nlp.errors import FileError, InputError, StoreError
 
 if TYPE_CHECKING:
@@ -184,11 +185,14 @@ class Store(AbstractContextManager["Store", None]):
     def frame(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
         """Return the records; cells as they were begun, starts in order.
 
+        MissingLibraryError without pandas.
+
         Parameters
         ----------
         columns
             Which columns besides ``cell`` and ``start``; all, and ``environment``, by default.
         """
+        library("pandas")
         import pandas as pd
 
         wanted = self._names[2:] if columns is None else columns

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from lockedjoint.formulations import measures, registry
 from lockedjoint.formulations.campaign import records as stored
 from lockedjoint.formulations.campaign.records import ALWAYS, COLUMNS, open_store
 from lockedjoint.formulations.campaign.store import Store
+from lockedjoint.formulations.io.objects import library
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
@@ -58,7 +59,8 @@ def read_campaign(
     each, see `frame`; or ``"optima"``, a row a distinct optimum, see `optima`. `where` is a
     condition of ``pandas.DataFrame.query`` on the records; `by` has the settings that make
     groups, by default all that differ; `columns` those wanted, by default all. StoreError if
-    the file is no store or a record is damaged, InputError for any other argument.
+    the file is no store or a record is damaged, MissingLibraryError without pandas, InputError
+    for any other argument.
 
     Examples
     --------
@@ -92,8 +94,9 @@ def frame(store: Store, where: str = "", columns: Sequence[str] | None = None) -
     """Return the records that meet a condition, one row each, with their settings.
 
     The condition is one of ``pandas.DataFrame.query``; InputError if it is none on these
-    columns. Jacobians are JSON text with every digit.
+    columns, MissingLibraryError without pandas. Jacobians are JSON text with every digit.
     """
+    library("pandas")
     import pandas as pd
 
     names = [*COLUMNS, "environment"] if columns is None else list(columns)
@@ -136,8 +139,6 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
     such a start is a success. Score, worst case and defect are those of the group's best, if
     it is of one problem; with the proved bound on the score, and the gap to that in percent.
     """
-    import pandas as pd
-
     measured = ("status", "iterations", "violation", "valid", "cpu_seconds", *_BEST)
     records = frame(store, where, measured)
     settings = [str(name) for name in records if name not in (*measured, "start")]
@@ -154,7 +155,13 @@ def grouped(store: Store, where: str = "", by: Sequence[str] | None = None) -> p
     reached = records["cost"] - problem["cost"].transform("min") <= REACHED_BEST
     records = records.assign(reached=reached, solved=records["status"] == SUCCESS)
     rows = [_row(keys, group) for _, group in records.groupby(keys, sort=False, dropna=False)]
-    return pd.DataFrame(rows, columns=[*keys, *_COLUMNS])
+    return _table(rows, [*keys, *_COLUMNS])
+
+
+def _table(rows: Sequence[Mapping[str, object]], columns: Sequence[str]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(rows, columns=list(columns))
 
 
 # Columns of a group's best record.
@@ -247,8 +254,6 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
     `lockedjoint.formulations.measures.canonical.MOST` are distinguished; ``reached`` counts the
     starts that ended at one, ``of_starts`` at any. Only the 100 best levels are listed.
     """
-    import pandas as pd
-
     columns = ("status", "violation", "valid", "score", "jacobian")
     records = frame(store, where, columns)
     records["cost"] = _cost(records).where(records["status"] == SUCCESS)
@@ -259,7 +264,7 @@ def optima(store: Store, where: str = "") -> pd.DataFrame:
         for row in _optima(group.sort_values("cost", kind="stable"))
     ]
     found = ("level", "score", "worst_case_sigma", "classes", "reached", "of_starts")
-    return pd.DataFrame(rows, columns=[*_PROBLEM, *found, "canonical_form"])
+    return _table(rows, [*_PROBLEM, *found, "canonical_form"])
 
 
 def _optima(group: pd.DataFrame) -> Iterator[dict[str, object]]:

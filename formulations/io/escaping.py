@@ -1,20 +1,22 @@
 """Names of strangers in texts that other programs read: C, Markdown and HTML, CSV, YAML.
 
 A robot's file, a store or a certificate may name a joint, a link or a model as it likes. Each
-function makes a text of which the reader takes no part for its own syntax. LaTeX is escaped by
-tabulate, JSON by `json`, URDF by `xml`; SVG by matplotlib, see `figures.style.literal`.
+function makes a text of which the reader takes no part for its own syntax. LaTeX's special
+characters are escaped by tabulate, JSON by `json`, URDF by `xml`; SVG by matplotlib, see
+`figures.style.literal`.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from typing import Any
 
 from lockedjoint.nlp.errors import printable
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Spreadsheets take these for the beginning of a formula, full-width forms included.
 _FORMULA = tuple("=+-@\t\n＝＋－＠")
@@ -30,6 +32,47 @@ _HTML = {"<": "&lt;", "&": "&amp;"}
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|(?<![\d.])-?\d+(?=e[+-]?\d)')
 # An escaped backslash in a string of JSON, or a character that is written as two surrogates.
 _PAIR = re.compile(r"\\\\|\\u(d[89ab][0-9a-f]{2})\\u(d[c-f][0-9a-f]{2})")
+# Greek letters, and their names in LaTeX. pdfLaTeX stops at these letters and at the symbols
+# below.
+_GREEK = "αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΦΨΩ"
+_GREEK_NAMES = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
+    "upsilon varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega"
+)
+_MATHEMATICS = {
+    "√": r"\surd",
+    "−": "-",
+    "‖": r"\Vert",
+    "≤": r"\le",
+    "≥": r"\ge",
+    "≠": r"\ne",
+    "≈": r"\approx",
+    "ℓ": r"\ell",
+    "∂": r"\partial",
+    "∞": r"\infty",
+    "→": r"\to",
+    "⊥": r"\perp",
+    "ᵀ": "^{T}",
+    "⁺": "^{+}",
+    "⁻": "^{-}",
+}
+# An asterisk or a bracket that begins a row: the end of a row, and a rule, take arguments.
+_ROW_ARGUMENT = re.compile(r"((?:\\\\|\\toprule|\\midrule)\s*)([\[*])")
+_IN_LATEX = str.maketrans(
+    {
+        letter: rf"\ensuremath{{\{name}}}"
+        for letter, name in zip(_GREEK, _GREEK_NAMES.split(), strict=True)
+    }
+    | {one: rf"\ensuremath{{{text}}}" for one, text in _MATHEMATICS.items()}
+)
+
+
+def latex(table: str) -> str:
+    """Return a table in LaTeX whose letters and symbols every LaTeX knows, pdfLaTeX too.
+
+    What begins a row is not taken for an argument of the rule or row before.
+    """
+    return _ROW_ARGUMENT.sub(r"\1{\2}", table.translate(_IN_LATEX))
 
 
 def c_string(text: str) -> str:
@@ -85,14 +128,27 @@ def csv_cell(value: object) -> object:
     return value
 
 
-def frame_csv(frame: pd.DataFrame) -> str:
-    """Return a DataFrame without its index as CSV, see `csv_cell`; NaN as an empty cell."""
-    safe = frame.copy()
-    for k, kind in enumerate(safe.dtypes):
-        if str(kind) in ("object", "str", "string"):
-            safe.isetitem(k, list(map(csv_cell, safe.iloc[:, k])))
-    safe.columns = [csv_cell(name) for name in safe.columns]
-    return str(safe.to_csv(index=False, lineterminator="\n"))
+def rows_csv(rows: Sequence[Mapping[str, object]], names: Sequence[str] | None = None) -> str:
+    """Return rows as CSV, see `csv_cell`; None and NaN as an empty cell.
+
+    The columns are those of the names, by default of the first row; a row may lack some. A
+    column of numbers with a float in it holds floats.
+    """
+    names = list(rows[0] if names is None and rows else names or ())
+    columns = [_csv_column([row.get(name) for row in rows]) for name in names]
+    written = io.StringIO()
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(map(csv_cell, names))
+    writer.writerows(zip(*columns, strict=True))
+    return written.getvalue()
+
+
+def _csv_column(values: Sequence[Any]) -> list[object]:
+    known = [value for value in values if value is not None]
+    are_numbers = all(isinstance(one, Real) and not isinstance(one, bool) for one in known)
+    if are_numbers and any(isinstance(one, float) for one in known):
+        values = [None if value is None else float(value) for value in values]
+    return [None if value != value else csv_cell(value) for value in values]
 
 
 def yaml_text(values: object) -> str:

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_origin, get_type_hi
 import numpy as np
 
 from lockedjoint.formulations.io import escaping
+from lockedjoint.formulations.io.objects import library
 from lockedjoint.nlp.errors import FileError, InputError, printable
 
 if TYPE_CHECKING:
@@ -90,18 +91,20 @@ class Table(Generic[Line]):
     rows: Sequence[Line]
 
     def frame(self) -> pd.DataFrame:
-        """Return all columns as a DataFrame; mappings as JSON."""
+        """Return all columns as a DataFrame; mappings as JSON.
+
+        MissingLibraryError without pandas.
+        """
+        library("pandas")
         import pandas as pd
 
-        names = [column.name for column in fields(self.kind)]
-        lines = [[_stored(getattr(row, name)) for name in names] for row in self.rows]
-        frame = pd.DataFrame(lines, columns=names)
-        types = get_type_hints(self.kind)
+        names, types = [field.name for field in fields(self.kind)], get_type_hints(self.kind)
+        frame = pd.DataFrame(self._stored(), columns=names)
         return frame.astype({name: "Int64" for name in names if types[name] == _WHOLE_OR_NONE})
 
     def csv(self) -> str:
         """Return all columns, numbers with every digit, NaN as an empty cell."""
-        return escaping.frame_csv(self.frame())
+        return escaping.rows_csv(self._stored(), [field.name for field in fields(self.kind)])
 
     def plain(self) -> list[dict[str, Any]]:
         """Return the rows as plain values for JSON, None in place of NaN."""
@@ -114,7 +117,7 @@ class Table(Generic[Line]):
 
     def latex(self) -> str:
         """Return the columns to read as a LaTeX table, for the package booktabs."""
-        return self._written(style="latex_booktabs")
+        return escaping.latex(self._written(style="latex_booktabs"))
 
     def columns(self, every: bool = False) -> dict[str, str]:
         """Return the headings of the columns to read on a terminal, or of every column."""
@@ -137,6 +140,11 @@ class Table(Generic[Line]):
         listed = fields(self.kind)
         return {field.name: field.metadata.get("column", Column()) for field in listed}
 
+    def _stored(self) -> list[dict[str, object]]:
+        """Return the rows as CSV has them: mappings as JSON."""
+        names = [field.name for field in fields(self.kind)]
+        return [{name: _stored(getattr(row, name)) for name in names} for row in self.rows]
+
     def _written(self, escape: Callable[[str], str] = str, style: str = "pipe") -> str:
         columns = {name: c for name, c in self._columns.items() if c.shown}
         cells = [[escape(c.cell(row, k)) for k, c in columns.items()] for row in self.rows]
@@ -147,8 +155,11 @@ class Table(Generic[Line]):
 def chosen_rows(table: Table[Line], conditions: Sequence[str]) -> list[Line]:
     """Return the rows that meet conditions of ``pandas.DataFrame.query``, such as ``n == 7``.
 
-    InputError if one is none on the columns of the table.
+    InputError if one is none on the columns of the table, MissingLibraryError if there is one
+    but no pandas.
     """
+    if not conditions:
+        return list(table.rows)
     frame = table.frame()
     for condition in conditions:
         try:

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy.typing as npt
 
 from lockedjoint.formulations import measures
+from lockedjoint.formulations.io.table import written
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,13 +70,13 @@ class Assessment:
 
     def _repr_html_(self) -> str:
         """Return the line and what the worst failures leave, for notebooks."""
-        import pandas as pd
-
         sets = combinations(range(self.joints), self.failures)
-        names = (", ".join(map(str, joints)) for joints in sets)
-        sigmas = pd.DataFrame({"locked": names, "σ left": self.locked_sigmas})
-        shown = sigmas.sort_values("σ left", kind="stable").head(10)
-        return f"<p>{escape(repr(self))}</p>{shown.to_html(index=False, border=0)}"
+        names = [", ".join(map(str, joints)) for joints in sets]
+        pairs = zip(names, self.locked_sigmas, strict=True)
+        worst = sorted(pairs, key=lambda pair: pair[1])[:10]
+        cells = [[name, f"{sigma:.6f}"] for name, sigma in worst]
+        table = written(cells, ["locked", "σ left"], "html")
+        return f"<p>{escape(repr(self))}</p>{table}"
 
 
 def measure(jacobian: npt.ArrayLike, failures: int = 1, tolerance: float = 1e-6) -> Assessment:

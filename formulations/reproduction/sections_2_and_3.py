@@ -1,8 +1,10 @@
 """Sections 2 and 3, eqs. (6)–(20): the bound, shares of joints, and canonical Jacobians.
 
 Each function yields rows of the report of ``reproduce``: what the paper prints, what is
-computed here, and whether the two agree (`row.ReproductionRow`). The paper's matrices are in
-`reference`, whose header has V and fσ_m.
+computed here, and whether the two agree (`row.ReproductionRow`). Three functions of `row` make
+most of them: `compared` for numbers, `within` for an error that is to be rounding, and `claim`
+for a statement. The paper's matrices are in `reference`, whose header has V; fσ_m is the least
+singular value of J without column f.
 
 J is a Jacobian of shape (m, n), one column j_i per joint; without units. JJᵀ = σ²I where it is
 isotropic, T = tr JJᵀ. Eq. (6) bounds the smallest singular value after the worst failure, the
@@ -66,6 +68,7 @@ _SEARCH_TOLERANCE_RAD = 1e-10
 _MAXIMUM_TOLERANCE = 1e-6
 # Tolerance on an optimal α, in radians. The worst case has a peak there, so α is found sharply.
 _OPTIMUM_TOLERANCE_RAD = 1e-6
+# The paper's words for the optimal α.
 _ODD = "odd multiples of π/4"
 # Number of random orthogonal U under which fσ_6 must not change.
 _RANDOM_ROTATIONS = 100
@@ -79,10 +82,22 @@ _SAME_SUM = 1e-6
 
 
 def bound_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
-    """Yield the rows of Section 2, on random Jacobians of several shapes."""
+    """Yield the rows of Section 2, on random Jacobians of several shapes.
+
+    The isotropic ones have the same row spaces as the others, and σ = 1.
+    """
     rng = np.random.default_rng(seed)
     general = [rng.standard_normal(shape) for shape in _SHAPES for _ in range(_PER_SHAPE)]
     isotropic = [np.asarray(np.linalg.qr(matrix.T)[0].T) for matrix in general]
+    yield from _worst_case_rows(general, isotropic)
+    yield _equality_row(isotropic)
+    yield from _contribution_rows(general)
+
+
+def _worst_case_rows(
+    general: list[FloatArray], isotropic: list[FloatArray]
+) -> Iterator[row.ReproductionRow]:
+    """Yield the rows of eq. (6): no J is above the bound, and harmonic frames attain it."""
     count = f"{len(general)} random Jacobians, m from 2 to 6, n from 3 to 12"
     for which, matrices, note in (
         ("isotropic J", isotropic, count),
@@ -96,13 +111,21 @@ def bound_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     quantity = "worst case over its bound, optimally failure-tolerant J"
     note = "harmonic frames: isotropic with columns of equal norm, one of each shape"
     yield row.compared("(6)", quantity, "1", 1, shares, note, show=row.farthest(1))
+
+
+def _equality_row(isotropic: list[FloatArray]) -> row.ReproductionRow:
+    """Return the row of equality in (6), which follows from fσ_m² = σ² − ‖j_f‖² for σ = 1."""
     squares = np.concatenate([measures.locked_singular_values(j) ** 2 for j in isotropic])
     rest = np.concatenate([np.maximum(1 - np.sum(j**2, axis=0), 0) for j in isotropic])
     error = float(np.max(np.abs(squares - rest)))
     quantity = "equality in (6) for all f is the same as columns of equal norm"
     ours = f"fσ_m² = σ² − ‖j_f‖² {row.shown_error(error)}"
     note = "random isotropic J with σ = 1; the squares ‖j_f‖² add up to mσ²"
-    yield row.claim("Sec. 2", quantity, "equivalent", ours, error <= row.ROUNDING, note)
+    return row.claim("Sec. 2", quantity, "equivalent", ours, error <= row.ROUNDING, note)
+
+
+def _contribution_rows(general: list[FloatArray]) -> Iterator[row.ReproductionRow]:
+    """Yield the rows of eqs. (7)–(11): R_i and N_i as sums of squares of columns of Vᵀ."""
     # R_i and N_i from the first m rows of Vᵀ and the others, without functions of `measures`.
     parts = [np.split(np.linalg.svd(j)[2] ** 2, [len(j)]) for j in general]
     tops = np.concatenate([np.sum(top, axis=0) for top, _ in parts])
@@ -124,7 +147,16 @@ def _share_of_bound(matrix: FloatArray) -> float:
 
 
 def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.ReproductionRow]:
-    """Yield the rows of eqs. (12)–(15) and of Figs. 1 and 2."""
+    """Yield the rows of eqs. (12)–(15) and of Figs. 1 and 2.
+
+    The search of Fig. 2 makes so many random starts from a seed.
+    """
+    yield from _planar_3r_rows()
+    yield from _index_rows(seed, starts)
+
+
+def _planar_3r_rows() -> Iterator[row.ReproductionRow]:
+    """Yield the rows of eqs. (12)–(15) and of Fig. 1, of one Jacobian, shape (2, 3)."""
     jacobian, null_space = reference.PLANAR_3R, reference.PLANAR_3R_NULL_SPACE
     values = measures.singular_values(jacobian)
     yield row.compared("(12)", "singular values of planar 3R", "σ = 1, isotropic", 1, values)
@@ -134,6 +166,7 @@ def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproducti
     note = "last right singular vector of (12); its sign is arbitrary"
     yield row.compared("(13)", "null space of (12)", paper, null_space, ours, note)
     directions = np.degrees(np.arctan2(jacobian[1], jacobian[0]))
+    # The last gap leads from the last direction to the first one, a whole turn on.
     gaps = np.diff(np.sort(directions), append=np.min(directions) + 360)
     quantity, expected = "angles between the columns, degrees", reference.PLANAR_3R_ANGLE
     yield row.compared(
@@ -148,6 +181,12 @@ def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproducti
     cosines = np.abs(np.sum(np.transpose(weakest) * units, axis=0))
     quantity = "|cosine| between the direction that suffers most and j_f"
     yield row.compared("(15)", quantity, "1", 1, cosines)
+
+
+def _index_rows(seed: int, starts: int) -> Iterator[row.ReproductionRow]:
+    """Yield the rows of Fig. 2: the best and the worst index, or worst case, of a planar 3R."""
+    sigma = reference.PLANAR_3R_SIGMA
+    paper = f"√(1/3) = {row.shown(sigma)}"
     best = max(map(measures.worst_case_sigma, _best(3, 1, seed, starts)))
     note = f"max-min over all planar 3R with tr JJᵀ = 2, {starts} random starts"
     quantity = "best index of a planar 3R"
@@ -161,10 +200,11 @@ def three_joint_rows(seed: int = 0, starts: int = 20) -> Iterator[row.Reproducti
 
 
 def configuration_row(jacobian: FloatArray) -> row.ReproductionRow:
-    """Return the row of Fig. 1: an arm whose Jacobian is the given one, shape (2, 3), exists.
+    """Return the row of Fig. 1: an arm with the Jacobian (12) exists; `jacobian` is to be (12).
 
-    The joints are placed in the complex plane, the end effector at the origin, and the end of
-    the chain is differentiated by the joint angles.
+    Joints are placed in the complex plane as the columns of `jacobian`, shape (2, 3), say, with
+    the end effector at the origin. The end of the chain is differentiated by the joint angles,
+    and what results is compared with (12).
     """
     # Turning about a joint at p moves the origin by −ip = j, so that p = ij. Links lead from
     # one joint to the next, the last one to the origin.
@@ -290,6 +330,14 @@ def positional_rows() -> Iterator[row.ReproductionRow]:
 
 def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     """Yield the rows of eq. (20) and of the claims around it, but for the search for a U."""
+    yield from _canonical_6x7_rows()
+    yield from _any_dimension_rows()
+    yield _screw_row()
+    yield _frame_row(seed)
+
+
+def _canonical_6x7_rows() -> Iterator[row.ReproductionRow]:
+    """Yield the rows of eq. (20) itself, of shape (6, 7)."""
     jacobian, show = reference.CANONICAL_6X7, row.shown_range
     values = measures.singular_values(jacobian)
     yield row.compared("(20)", "singular values", "σ = 1, isotropic", 1, values)
@@ -299,6 +347,11 @@ def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     quantity, paper = "fσ_6 for f = 1, …, 7", f"√(1/7) = {row.shown(expected)}"
     note = "eq. (6) with equality"
     yield row.compared("(20)", quantity, paper, expected, sigmas, note, show=show)
+
+
+def _any_dimension_rows() -> Iterator[row.ReproductionRow]:
+    """Yield the rows of Jacobians like (20) of other shapes (m, n), all optimal by eq. (6)."""
+    jacobian = reference.CANONICAL_6X7
     error = float(np.max(np.abs(jacobian - reference.simplex_jacobian(6))))
     ratios = [_share_of_bound(reference.simplex_jacobian(m)) for m in range(1, 13)]
     quantity = "the same pattern for m = 1, …, 12, n = m + 1: worst case over √((n−m)/n)"
@@ -312,19 +365,30 @@ def canonical_rows(seed: int = 0) -> Iterator[row.ReproductionRow]:
     paper = "a manipulator of any dimension"
     note = "the paper prints n = m + 1 only; our construction for n > m + 1: harmonic frames"
     yield row.compared("(20)", quantity, paper, 1, ratios, note, show=row.farthest(1))
+
+
+def _screw_row() -> row.ReproductionRow:
+    """Return the row of the claim that no column of (20) is revolute: v·ω = 0 and ω ≠ 0."""
+    jacobian = reference.CANONICAL_6X7
     pitch = np.abs(np.sum(jacobian[:3] * jacobian[3:], axis=0))
     rotates = np.linalg.norm(jacobian[3:], axis=0) > row.ROUNDING
     screws, revolute = pitch > row.ROUNDING, rotates & (pitch <= row.ROUNDING)
     quantity = "columns of (20) that a revolute joint can contribute"
     paper, ours, true = "none: arbitrary screws", np.sum(revolute), not np.any(revolute)
     note = f"{np.sum(screws)} columns are screws with v·ω ≠ 0, {np.sum(~rotates)} have ω = 0"
-    yield row.claim("after (20)", quantity, paper, ours, true, note)
+    return row.claim("after (20)", quantity, paper, ours, true, note)
+
+
+def _frame_row(seed: int) -> row.ReproductionRow:
+    """Return the row of the claim that UJ has the same fσ_6 as J, on random orthogonal U."""
+    jacobian = reference.CANONICAL_6X7
+    sigmas = measures.locked_singular_values(jacobian)
     drawn = np.random.default_rng(seed).standard_normal((_RANDOM_ROTATIONS, 6, 6))
     factors = np.linalg.qr(drawn)[0]
     after = [measures.locked_singular_values(factor @ jacobian) for factor in factors]
     change = float(np.max(np.abs(np.array(after) - sigmas)))
     quantity = "change of fσ_6 under UJ, U orthogonal"
-    yield row.within("after (20)", quantity, "none", change, f"{_RANDOM_ROTATIONS} random U")
+    return row.within("after (20)", quantity, "none", change, f"{_RANDOM_ROTATIONS} random U")
 
 
 def rotation() -> Problem:

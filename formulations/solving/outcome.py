@@ -18,6 +18,8 @@ import numpy as np
 
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import NONE_EXISTS
+from lockedjoint.formulations.io.objects import library
+from lockedjoint.formulations.io.table import written
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.joint import ColumnModel
 from lockedjoint.formulations.measures.canonical import group_equivalent
@@ -126,10 +128,9 @@ class Record:
 
     def _repr_html_(self) -> str:
         """Return the line and the Jacobian, for notebooks."""
-        import pandas as pd
-
-        matrix = pd.DataFrame(self.jacobian).to_html(border=0, float_format="{:.6f}".format)
-        return f"<p>{escape(repr(self))}</p>{matrix}"
+        cells = [[f"{number:.6f}" for number in row] for row in self.jacobian]
+        heads = [f"column {k}" for k in range(self.jacobian.shape[1])]
+        return f"<p>{escape(repr(self))}</p>{written(cells, heads, 'html')}"
 
 
 def judge(case: Case, run: Run, polish: PolishMethod | None = None) -> Record:
@@ -310,11 +311,20 @@ class Outcome:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the records as a table, one line per start, without the Jacobians."""
+        """Return the records as a DataFrame, one row per start, without the Jacobians.
+
+        MissingLibraryError without pandas.
+        """
+        library("pandas")
         import pandas as pd
 
-        lines = [record.to_dict() for record in self.records]
-        return pd.DataFrame(lines).drop(columns=["jacobian", "variables"], errors="ignore")
+        return pd.DataFrame(self._rows())
+
+    def _rows(self) -> list[dict[str, Any]]:
+        """Return the records as plain values, one row per start, without the Jacobians."""
+        rows = [record.to_dict() for record in self.records]
+        left_out = ("jacobian", "variables")
+        return [{k: row[k] for k in row if k not in left_out} for row in rows]
 
     def __repr__(self) -> str:
         """Say in one line what was run and what came of it."""
@@ -335,4 +345,11 @@ class Outcome:
 
     def _repr_html_(self) -> str:
         """Return the line and the first records, for notebooks."""
-        return f"<p>{escape(repr(self))}</p>{self.to_frame().head(10).to_html(border=0)}"
+        rows = self._rows()[:10]
+        cells = [[_cell(value) for value in row.values()] for row in rows]
+        heads = list(rows[0]) if rows else []
+        return f"<p>{escape(repr(self))}</p>{written(cells, heads, 'html')}"
+
+
+def _cell(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

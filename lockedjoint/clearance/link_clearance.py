@@ -4,16 +4,16 @@ The geometry of a link is its collision geometry or, where it has none, its visu
 points of two links, fixed in them, can be no nearer to each other than the links have to be: a
 smooth *condition* on the joints' positions. A search begins without any, and adds those of the
 two nearest points wherever its answers leave links too near (an exchange method, as for
-semi-infinite programs, see `robots.kept_apart`). What meets all conditions and keeps the
-distance is an optimum of the problem with all distances.
+semi-infinite programs, see `robots.kept_apart`). An optimum under some conditions that keeps
+all distances is one of the problem with all distances.
 
 Every link also has one capsule around its geometry: links whose capsules are far enough apart
 are not looked at more closely. Obstacles are links, too, of the body that does not move.
 
-Left out are links that one joint connects, pairs in contact at every one of 500 random
-configurations, and pairs that an SRDF file disables. Links two joints apart that are nearer
-than asked for at all of these configurations, as in wrists, keep half of the largest of their
-distances.
+Some pairs are left out, by `read_clearance`: links that one joint connects, pairs in contact at
+every one of 500 random configurations, and pairs that an SRDF file disables. Links two joints
+apart that are nearer than asked for at all of these configurations, as in wrists, keep half of
+the largest of their distances.
 
 Letters: n joints, B configurations as columns, shape (n, B), radians or (prismatic joints)
 metres; P pairs of links. Lengths and distances are metres. A *body* is what a joint moves; it
@@ -33,29 +33,31 @@ import numpy as np
 
 from lockedjoint.clearance.around_shapes import Capsule
 from lockedjoint.clearance.distances import Ends, Placed, distance
+from lockedjoint.clearance.placed_bodies import BodyPlacement, body_placements, placed_frames
 from lockedjoint.clearance.shapes import Shape
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import listed
 from lockedjoint.kinematics.forward import body_frames
 from lockedjoint.kinematics.geometry import BoolArray, IntArray, homogeneous, segment_distance
-from lockedjoint.kinematics.motion import Bodies, Motion
+from lockedjoint.kinematics.motion import Bodies
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
 # Length by which conditions ask for more than the distance, so that answers that miss them by
-# a solver's tolerance still keep the distance itself.
+# a solver's tolerance still keep the distance itself. A larger one keeps links farther apart
+# than they have to be.
 _MARGIN_M = 1e-5
-# Number of pairs times configurations that are done together: bounds the memory.
+# Number of pairs times configurations that are done together. More take more memory.
 _PAIRS_AT_ONCE = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link with geometry, or an obstacle."""
+    """A link with geometry, or an obstacle. Lengths are metres, poses homogeneous matrices."""
 
     name: str
     body: int  #: Number of its body in `LinkClearance.bodies`; 0 for obstacles.
-    pose: FloatArray  #: Its frame in the body's frame, 4×4.
+    pose: FloatArray  #: Its frame in the body's frame, shape (4, 4).
     shapes: tuple[Shape, ...]  #: Its geometry, in its own frame.
     capsule: Capsule  #: A capsule around the shapes, in the body's frame.
     source: str  #: Where the geometry is from: ``collision``, ``visual`` or ``obstacle``.
@@ -90,7 +92,7 @@ class Closest:
 class PointPair:
     """Two points of two links that are to keep a distance."""
 
-    bodies: tuple[int, int]  #: Numbers of the links' bodies.
+    bodies: tuple[int, int]  #: Numbers of the links' bodies in `LinkClearance.bodies`.
     points: tuple[FloatArray, FloatArray]  #: Each in its body's frame, shape (3,).
     least: float  #: The distance, metres.
 
@@ -102,33 +104,16 @@ class _Box:
     link: int  #: Number of the obstacle in `LinkClearance.links`.
     pairs: IntArray  #: Numbers of the pairs with it, shape (pairs,).
     links: IntArray  #: Number of the other link in each of these pairs, shape (pairs,).
-    to_box: FloatArray  #: Transform from the base's to the obstacle's own frame, 4×4.
-    corners: tuple[FloatArray, FloatArray]  #: Least and largest coordinates, (3, 1) each.
-
-
-@dataclass(frozen=True, eq=False)
-class _Placement:
-    """A body's joint in the frame of the body before it.
-
-    By Rodrigues' formula a turn by θ about the axis a is I + sin θ S + (1 − cos θ) S², where S
-    is the matrix of the cross product with a. So the body's rotation has three parts, and one
-    product with the parent's rotation turns all of them.
-    """
-
-    parent: int  #: Number of the body before.
-    motion: Motion
-    #: R, RS and RS² for the rotation R at 0, transposed and stacked, shape (9, 3): `np.matmul`
-    #: then multiplies them from the right to a parent's rotation, shape (3, 3, B).
-    parts: FloatArray
-    shift: FloatArray  #: Origin at 0, shape (3,), metres.
-    axis: FloatArray  #: Unit vector of the joint's axis, shape (3,).
+    to_box: FloatArray  #: Transform from the base's to the obstacle's own frame, (4, 4).
+    #: Least and largest coordinates in that frame, shape (3, 1) each, metres.
+    corners: tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class LinkClearance:
-    """The distance that links keep from each other, at least, in metres."""
+    """Which pairs of links are to keep which distance, and how near they are."""
 
-    least: float
+    least: float  #: The distance that a pair keeps at least, but for those of `nearer`; metres.
     #: For bodies 1, 2, … the number of the parent, and the motion; body 0 is fixed.
     bodies: Bodies
     links: tuple[Link, ...]  #: Those with geometry.
@@ -137,7 +122,7 @@ class LinkClearance:
     #: Pairs that are not looked at though no joint connects the two, because they are always in
     #: contact; by number in `links`.
     left_out: tuple[tuple[int, int], ...] = ()
-    #: Distances of pairs that are never so far apart as `least`, by number in `pairs`.
+    #: What pairs keep that are never so far apart as `least`: metres, by number in `pairs`.
     nearer: Mapping[int, float] = field(default_factory=dict)
     conditions: tuple[PointPair, ...] = ()  #: Points that are to keep a distance.
     #: Pairs that an SRDF file says are not to be looked at.
@@ -173,44 +158,16 @@ class LinkClearance:
         return self.links[pair[0]].name, self.links[pair[1]].name
 
     def frames(self, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Frames of all bodies at configurations (n, B), from the base.
+        """Return rotations and origins of all bodies at configurations (n, B).
 
-        Returns
-        -------
-        numpy.ndarray
-            Rotations from the body's to the base's axes, shape (bodies + 1, 3, 3, B).
-        numpy.ndarray
-            Origins, shape (bodies + 1, 3, B), metres.
+        Shapes (bodies + 1, 3, 3, B) and (bodies + 1, 3, B), see `placed_frames`.
         """
-        q = configurations
-        rotations = np.empty((len(self.bodies) + 1, 3, 3, q.shape[1]))
-        origins = np.zeros((len(self.bodies) + 1, 3, q.shape[1]))
-        rotations[0] = np.eye(3)[:, :, None]
-        for k, place in enumerate(self._placements, 1):
-            parent, motion = place.parent, place.motion
-            value = motion.multiplier * q[motion.variable] + motion.offset
-            parts = np.matmul(place.parts, rotations[parent])
-            rotations[k] = parts[:, :3]
-            origins[k] = origins[parent] + np.matmul(place.shift, rotations[parent])
-            if motion.prismatic:
-                origins[k] += value * np.matmul(place.axis, rotations[parent])
-            else:
-                rotations[k] += np.sin(value) * parts[:, 3:6]
-                rotations[k] += (1 - np.cos(value)) * parts[:, 6:]
-        return rotations, origins
+        return placed_frames(self._placements, configurations)
 
     @cached_property
-    def _placements(self) -> list[_Placement]:
-        """What `frames` needs of each body, in the order of the bodies."""
-        placements = []
-        for parent, motion in self.bodies:
-            pose, axis = np.array(motion.placement), np.array(motion.axis)
-            skew = np.cross(np.eye(3), axis)
-            turned = (pose[:3, :3], pose[:3, :3] @ skew, pose[:3, :3] @ skew @ skew)
-            parts = np.concatenate([part.T for part in turned])
-            shift, along = pose[:3, 3], pose[:3, :3] @ axis
-            placements.append(_Placement(parent, motion, parts, shift, along))
-        return placements
+    def _placements(self) -> list[BodyPlacement]:
+        """What `frames` needs of each body."""
+        return body_placements(self.bodies)
 
     def distances(self, configurations: FloatArray) -> FloatArray:
         """Return the distance of the two capsules of each pair at configurations (n, B).
@@ -225,7 +182,10 @@ class LinkClearance:
         return np.concatenate(parts, axis=1)
 
     def _distances(self, configurations: FloatArray) -> FloatArray:
-        """Return the same for as many configurations as the memory allows."""
+        """Return what `distances` does, for as many configurations as the memory allows.
+
+        Each pair has the distance of the segments of two capsules less their radii.
+        """
         rotations, origins = self.frames(configurations)
         bodies = [link.body for link in self.links]
         # The ends of the capsules' segments, (links, 3) each, and then (links, 3, B).
@@ -239,6 +199,8 @@ class LinkClearance:
         # box, along the obstacle's axes, around the segment.
         for obstacle in self._boxes:
             links, to_box, (low, high) = obstacle.links, obstacle.to_box, obstacle.corners
+            # The segments' ends in the obstacle's frame, shape (pairs, 3, B) each, and by how
+            # much each segment is beside the box along each axis.
             own = [to_box[:3, :3] @ e[links] + to_box[:3, 3:] for e in (starts, ends)]
             over = np.maximum(low - np.maximum(*own), np.minimum(*own) - high)
             box = np.sqrt(np.sum(np.maximum(over, 0.0) ** 2, axis=1))
@@ -264,8 +226,8 @@ class LinkClearance:
     def slack(self, configurations: FloatArray) -> FloatArray:
         """Return by how much all pairs are farther apart than they have to be, at (n, B).
 
-        Metres, shape (B,): the least over the pairs, below zero where one is too near. It is
-        measured by the geometry, but by capsules where these keep the distance.
+        Metres, shape (B,): the least over the pairs, below zero where one is too near. Where
+        capsules keep the distance it is theirs, a lower bound, else that of the geometry.
         """
         return np.asarray(np.min(self.gaps(configurations) - self.leasts[:, None], axis=0))
 
@@ -328,10 +290,10 @@ class LinkClearance:
         return np.array([self.nearer.get(k, self.least) for k in range(len(self.pairs))])
 
     def shares(self, positions: ca.SX) -> ca.SX:
-        """Return for each condition d²/d_min², symbolic, to be at least 1.
+        """Return for each condition (d/d_min)², symbolic, to be at least 1.
 
-        The distance of its two points is d at the positions of shape (n, 1), and d_min is what
-        they keep, and a margin. The result has one row for each condition.
+        The distance of its two points is d at the positions, shape (n, 1), and d_min is what
+        they keep and the margin `_MARGIN_M`. The result has one row for each condition.
         """
         rotations, origins, _ = body_frames(self.bodies, positions)
         rows = []

@@ -1,7 +1,8 @@
-"""The command line ``lockedjoint``: its commands in groups, each with two examples.
+"""The command line ``lockedjoint``: its commands in groups, each with examples.
 
 A command is a function in a module of this folder, which is imported when the command runs or
-its help is asked for.
+its help is asked for. So the help of all commands is fast, and says what `GROUPS` says. To add
+a command, write its function in a module, an entry in `GROUPS`, and lines in `examples`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import click
 
 from lockedjoint import __version__
 
-#: Headings of the help; under each the commands, their modules and what they do.
+#: Headings of the help; under each the commands by name, in the order of the help: the module
+#: of each in this folder, and a sentence that says what it does.
 GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "Design": {
         "compare": ("results", "Compare the three formulations from common random starts."),
@@ -55,6 +57,7 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "figure": ("results", "Draw a figure of results."),
     },
 }
+# Settings of click: help has at most so many characters a line, and ``-h`` asks for it, too.
 _CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 96}
 
 
@@ -63,11 +66,15 @@ class _Listed:
     """A command as the help lists it, without importing its module."""
 
     name: str
-    module: str
-    says: str
+    module: str  # its name in this folder
+    says: str  # the sentence of the help
 
     def load(self) -> click.Command:
-        """Return the command."""
+        """Import the module and return the command.
+
+        A module has a function, or a click command, of the command's name with underscores. The
+        options of a function are made from its parameters and its docstring.
+        """
         module: Any = import_module(f"lockedjoint.commands.{self.module}")
         made: Any = getattr(module, self.name.replace("-", "_"))
         if isinstance(made, click.Command):

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lockedjoint.commands.output import INTERRUPTED, Answer, chosen_columns, say, shown
-from lockedjoint.formulations.io.escaping import frame_csv, markdown_cell
+from lockedjoint.formulations.io.escaping import latex, markdown_cell, rows_csv
 from lockedjoint.nlp.errors import (
     InputError,
     MissingLibraryError,
@@ -261,6 +261,12 @@ def _parsed(name: str, text: str) -> object:
         raise StoreError(f"{name} of a record", text, "JSON") from None
 
 
+def _rows(table: pd.DataFrame) -> list[dict[str, object]]:
+    """Return the rows of a table, columns by their names as text."""
+    rows = table.to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]
+
+
 def _brief(table: pd.DataFrame) -> pd.DataFrame:
     """Return the table as text with few digits, without the matrices."""
     brief = table.drop(columns=_MATRICES, errors="ignore").astype(object)
@@ -278,16 +284,18 @@ def _to_read(
     `style` is a table format of tabulate, `escape` makes a cell safe in it, and `underscore`
     stands for the underscores of the columns' names.
     """
+    from lockedjoint.formulations.io.table import written
+
     brief = _brief(table).map(escape)
-    brief.columns = [escape(str(name).replace("_", underscore)) for name in brief]
-    return f"{brief.to_markdown(index=False, tablefmt=style, disable_numparse=True)}\n"
+    heads = [escape(str(name).replace("_", underscore)) for name in brief]
+    return f"{written(brief.to_numpy().tolist(), heads, style)}\n"
 
 
 # Functions that write a table, by the forms of `show --to`. CSV has every digit.
 _FORMATS: Mapping[str, Callable[[pd.DataFrame], str]] = {
-    "csv": lambda table: frame_csv(table),
+    "csv": lambda table: rows_csv(_rows(table), [str(name) for name in table]),
     "markdown": lambda table: _to_read(table, "pipe", markdown_cell),
-    "latex": lambda table: _to_read(table, "latex_booktabs", str, underscore=" "),
+    "latex": lambda table: latex(_to_read(table, "latex_booktabs", str, underscore=" ")),
 }
 
 

@@ -14,7 +14,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from lockedjoint.synthesis.choice import Choice
     from lockedjoint.synthesis.criteria import Sampling
     from lockedjoint.synthesis.dh import DenavitHartenberg
+    from lockedjoint.synthesis.links import LinkGap
     from lockedjoint.synthesis.manipulator import Manipulator
 
-# Number of digits of axes and tables that are shown.
+# Number of digits of axes and tables that are shown. JSON, URDF and CSV have all.
 _DIGITS = 9
 # Largest number of pairs of links that touch which a note names.
 _MOST_NAMED_PAIRS = 8
@@ -37,13 +38,13 @@ _MOST_NAMED_PAIRS = 8
 _SAME_SIGMA_SHARE = 1e-9
 # Least radius of limits: above 0.
 _LEAST_RADIUS = 1e-300
-# Forms of `realise --to`.
+# Forms of `realise --to`. Another one needs a branch in `_content`.
 _FORMS = ("axes", "dh", "modified-dh", "urdf", "figure", "choice", "ranking")
 
 
 @dataclass(frozen=True)
 class ArrangementEffort:
-    """How much is tried for the best arrangement.
+    """How much is tried for the best arrangement: the fields that --effort takes.
 
     Attributes
     ----------
@@ -73,7 +74,7 @@ class ArrangementEffort:
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> ArrangementEffort:
-        """Return it with some fields; InputError if there is no such field."""
+        """Return an effort with the fields given; InputError if one has no such name."""
         known = [one.name for one in fields(cls)]
         for name in given:
             one_of("--effort", name, known)
@@ -85,6 +86,15 @@ class ArrangementEffort:
         from lockedjoint.synthesis.criteria import Sampling
 
         return Sampling(self.seed, self.samples, self.radius)
+
+
+class Arranged(NamedTuple):
+    """A robot whose joints have their order and signs, and have slid where that was asked."""
+
+    choice: Choice  #: The robot, and how its order and signs were chosen.
+    slid: bool  #: Whether joints slid along their axes.
+    #: All arrangements that were compared, the best first, as CSV; empty if one was given.
+    ranking: str
 
 
 @dataclass(frozen=True)
@@ -120,13 +130,9 @@ class Arrangement:
         """Whether the order or the signs were given, and are not to be chosen."""
         return self.order is not None
 
-    def choose(self, robot: Manipulator) -> tuple[Choice, bool, str]:
-        """Choose an arrangement, or take the one that was given, and slide its joints.
-
-        Returns the choice, whether joints slid, and all arrangements that were compared, the
-        best first, as CSV (empty if the order was given).
-        """
-        from lockedjoint.formulations.io.escaping import frame_csv
+    def choose(self, robot: Manipulator) -> Arranged:
+        """Choose an arrangement, or take the one that was given, and slide its joints."""
+        from lockedjoint.formulations.io.escaping import rows_csv
         from lockedjoint.synthesis.choice import choose_arrangement, evaluate, given
         from lockedjoint.synthesis.links import link_gap, slide_apart
         from lockedjoint.synthesis.links import slide as shortened
@@ -141,7 +147,7 @@ class Arrangement:
             name = self.criterion or "clearance"
             ranked = rank(robot, name, sampling, effort.shortlist, progress)
             chosen = choose_arrangement(robot, name, sampling, effort.shortlist, ranked)
-            ranking = frame_csv(ranked.table())
+            ranking = rows_csv(ranked.rows())
         usual = "as-needed" if self.criterion in (None, "clearance") else "never"
         slide = self.slide or usual
         moved = chosen.manipulator
@@ -150,11 +156,11 @@ class Arrangement:
         elif slide == "as-needed" and link_gap(moved).touching:
             moved = slide_apart(moved, effort.seed)
         if moved is chosen.manipulator:
-            return chosen, False, ranking
+            return Arranged(chosen, False, ranking)
         slid = replace(
             chosen, manipulator=moved, values=evaluate(moved, sampling, tuple(chosen.values))
         )
-        return slid, True, ranking
+        return Arranged(slid, True, ranking)
 
 
 def realise(
@@ -200,23 +206,14 @@ def realise(
         The file that is written: what is asked for, while what was chosen is printed; a
         figure's name ends in .svg, .png or .pdf, that of a table that `measure` reads in .csv.
     """
-    from lockedjoint.figures.style import content as image
     from lockedjoint.formulations import measures
     from lockedjoint.formulations.io.files import prepare_file, write_bytes
     from lockedjoint.formulations.measures.read_jacobians import NO_ANSWER, only_jacobian
     from lockedjoint.nlp.arrays import finite_or_none
     from lockedjoint.synthesis import from_jacobian
-    from lockedjoint.synthesis.dh import Convention, denavit_hartenberg
     from lockedjoint.synthesis.links import link_gap
-    from lockedjoint.synthesis.write_urdf import urdf
 
-    one_of("--to", to, _FORMS)
-    if as_json and to == "figure":
-        raise InputError("--json", "given", "none with --to figure")
-    if arrangement.is_given and to == "ranking":
-        raise InputError("--to", to, "none with --order")
-    if arrangement.is_given and arrangement.criterion is not None:
-        raise InputError("--criterion", arrangement.criterion, "none with --order")
+    _check_options(arrangement, to, as_json)
     if to != "choice":
         prepare_file(out, inputs=[file, figure_style])
     look_of(figure_style)
@@ -229,7 +226,6 @@ def realise(
     chosen, slid, ranking = arrangement.choose(robot)
     made = chosen.manipulator
     clearance = link_gap(made)
-    touching = [list(pair) for pair in clearance.touching]
     summary = {
         "name": name,
         **chosen.to_dict(),
@@ -239,47 +235,22 @@ def realise(
         "speeds": made.speeds.tolist(),
         "deviation": from_jacobian.deviation(made, matrix, metres),
         "gap": finite_or_none(clearance.gap),
-        "touching": touching,
+        "touching": [list(pair) for pair in clearance.touching],
         "slid": slid,
     }
     signs = "".join("-" if flip else "+" for flip in chosen.flips)
     lines = as_text(summary | {"signs": signs})
-    if touching:
-        pairs = [f"{i} and {j}" for i, j in touching]
-        named = ", ".join(pairs[:_MOST_NAMED_PAIRS])
-        if len(pairs) > _MOST_NAMED_PAIRS:
-            named += f", … ({len(pairs)} pairs)"
-        bodies = f"bodies overlap by {-clearance.gap:.3g} m"
-        warn(f"Note: links {named} touch (counted from 0): {bodies}.")
-    speeds = [f"{speed:.6g} m" for speed in made.speeds.tolist() if speed != 1]
-    if to == "urdf" and speeds:
-        unit = f"move {', '.join(speeds)} per unit of the Jacobian"
-        read = "measure reads this in <lockedjoint>, other programs take metres"
-        warn(f"Note: prismatic joints {unit}; {read}.")
+    _note_touching(clearance)
+    if to == "urdf":
+        _note_speeds(made)
     if to == "choice":
         say(json.dumps(summary, indent=1) if as_json else lines)
         return
     form = "svg" if out is None else out.suffix.lower().removeprefix(".")
-    convention = "modified" if to == "modified-dh" else "standard"
-    table = denavit_hartenberg(made, Convention(convention))
-    if as_json:
-        plain = summary | made.to_dict() | {"dh": table.to_dict(), "urdf": urdf(made)}
-        content = f"{json.dumps(plain, indent=1)}\n".encode()
-    elif to == "ranking":
+    if to == "ranking" and not as_json:
         content = ranking.encode()
-    elif to == "figure":
-        from lockedjoint.figures.manipulator import figure as drawn
-
-        with looking_like(figure_style):
-            content = image(drawn(made), form)
-    elif to == "urdf":
-        content = urdf(made).encode()
-    elif to == "axes":
-        axes = made.to_dict()
-        tip = shown(axes["end_effector"])
-        content = f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {tip}\n".encode()
     else:
-        content = _table(table, made, form).encode()
+        content = _content(made, to, form, figure_style, summary if as_json else None)
     if out is None:
         own, given = summary["worst_case_sigma"], summary["worst_case_sigma_given"]
         if abs(own - given) > _SAME_SIGMA_SHARE * given:
@@ -291,8 +262,77 @@ def realise(
         say(lines)
 
 
+def _check_options(arrangement: Arrangement, to: str, as_json: bool) -> None:
+    """Refuse options that do not go together: InputError."""
+    one_of("--to", to, _FORMS)
+    if as_json and to == "figure":
+        raise InputError("--json", "given", "none with --to figure")
+    if arrangement.is_given and to == "ranking":
+        raise InputError("--to", to, "none with --order")
+    if arrangement.is_given and arrangement.criterion is not None:
+        raise InputError("--criterion", arrangement.criterion, "none with --order")
+
+
+def _note_touching(clearance: LinkGap) -> None:
+    """Name the links that touch on standard error, if there are any."""
+    if clearance.touching:
+        pairs = [f"{i} and {j}" for i, j in clearance.touching]
+        named = ", ".join(pairs[:_MOST_NAMED_PAIRS])
+        if len(pairs) > _MOST_NAMED_PAIRS:
+            named += f", … ({len(pairs)} pairs)"
+        bodies = f"bodies overlap by {-clearance.gap:.3g} m"
+        warn(f"Note: links {named} touch (counted from 0): {bodies}.")
+
+
+def _note_speeds(made: Manipulator) -> None:
+    """Say on standard error, if so, that prismatic joints have units other than a metre."""
+    speeds = [f"{speed:.6g} m" for speed in made.speeds.tolist() if speed != 1]
+    if speeds:
+        unit = f"move {', '.join(speeds)} per unit of the Jacobian"
+        read = "measure reads this in <lockedjoint>, other programs take metres"
+        warn(f"Note: prismatic joints {unit}; {read}.")
+
+
+def _content(
+    made: Manipulator,
+    to: str,
+    form: str,
+    figure_style: Path | None,
+    summary: Mapping[str, object] | None,
+) -> bytes:
+    """Return a robot in the form that --to asks for, or all of it as JSON with a summary.
+
+    `form` is the format of a file, the ending of its name without the dot: that of a figure
+    (svg, png, pdf), or csv for a Denavit–Hartenberg table; other endings have a table as text.
+    """
+    from lockedjoint.synthesis.dh import Convention, denavit_hartenberg
+    from lockedjoint.synthesis.write_urdf import urdf
+
+    convention = "modified" if to == "modified-dh" else "standard"
+    table = denavit_hartenberg(made, Convention(convention))
+    if summary is not None:
+        plain = {**summary, **made.to_dict(), "dh": table.to_dict(), "urdf": urdf(made)}
+        return f"{json.dumps(plain, indent=1)}\n".encode()
+    if to == "figure":
+        from lockedjoint.figures.manipulator import figure as drawn
+        from lockedjoint.figures.style import content as image
+
+        with looking_like(figure_style):
+            return image(drawn(made), form)
+    if to == "urdf":
+        return urdf(made).encode()
+    if to == "axes":
+        axes = made.to_dict()
+        tip = shown(axes["end_effector"])
+        return f"{as_table(axes['joints'], _DIGITS)}\n\nend effector  {tip}\n".encode()
+    return _table(table, made, form).encode()
+
+
 def _order(text: str) -> tuple[list[int] | None, list[bool] | None]:
-    """Return the columns from base to tip, and which axes are the other way round."""
+    """Read --order: the columns from base to tip, and which axes are the other way round.
+
+    Both are None for 'given': columns in the order of the file, none turned.
+    """
     if text == "given":
         return None, None
     parts = [part.strip() for part in text.split(",")]

@@ -147,7 +147,7 @@ def figure(
     """
     from lockedjoint.figures.figures import FIGURES
     from lockedjoint.figures.style import content, figure_class, kind_of
-    from lockedjoint.formulations.io.escaping import frame_csv
+    from lockedjoint.formulations.io.escaping import rows_csv
     from lockedjoint.formulations.io.files import write_bytes, write_text
     from lockedjoint.formulations.measures.read_jacobians import only_jacobian
     from lockedjoint.formulations.solving.effort import Effort
@@ -180,8 +180,8 @@ def figure(
         drawn = content(picture.figure, kind_of(target))
     write_bytes(target, drawn)
     if table is not None:
-        write_text(table, frame_csv(picture.table))
+        write_text(table, rows_csv(picture.rows))
     summary: dict[str, object] = {"figure": name, "file": str(target)}
     if not given:
         summary |= {"seed": _SEED, "starts": count}
-    return Answer(summary | {"rows": picture.rows()}, as_text(summary))
+    return Answer(summary | {"rows": picture.rows}, as_text(summary))

@@ -1,6 +1,18 @@
 """Manipulators that have optimal Jacobians: the paper's Figs. 1 and 3, and seven axes.
 
-Each Jacobian that is drawn was solved for, by max-min, unless one is given.
+Each Jacobian that is drawn was solved for, by max-min, unless one is given. J has the shape
+(m, n), one column j_i per joint, counted from 1 as in the paper; σ is its worst case, the least
+singular value that a failure leaves. Planar ones (m = 2) have tr JJᵀ = 2, so that both singular
+values are 1 where they are equal. A planar revolute joint sits at the distance |j_i| from the
+end effector: all joints are on a circle where the columns have equal norms. Angles are radians
+from x towards y, but those in degrees whose names say so.
+
+The rows of a `Picture` are, in `figure_1`, one for each arm: its columns from base to tip,
+joints' positions (n × 2) and lengths of links in metres, J as nested lists, and σ after each
+failure. In `figure_3` there is one for each member of the family: locked joints for which it
+was optimised, α in degrees, σ after one and two failures, and J. In `seven_axes` there is one
+for each joint: its number from 0, direction (unit vector), nearest point to the end effector
+and its distance (metres, from the end effector), and σ after its failure.
 """
 
 from __future__ import annotations
@@ -8,7 +20,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from lockedjoint.figures import style
 from lockedjoint.figures.manipulator import common_lever, draw, draw_axes
@@ -35,8 +46,17 @@ _HALF_PANEL_RADII = 1.22
 _HALF_AXIS_RADII = 0.62
 # The panel is larger than its axes by this factor, which leaves room for names.
 _PANEL_PER_AXES = 1.1
-# Fig. 3 shows the members nearest to these angles, by the number of locked joints.
+# Fig. 3 shows the members whose α is nearest to these angles, by the number of locked joints.
+# Those of two are where optima are: odd multiples of 45°. Those of one are arbitrary.
 _ALPHAS_DEG = {2: (45.0, 135.0, 225.0, 315.0), 1: (20.0, 110.0, 200.0, 290.0)}
+# Width and height of the figures, in inches.
+_FIGURE_1_INCHES = (7.4, 7.8)
+_FIGURE_3_INCHES = (8.4, 5.6)
+_SEVEN_AXES_INCHES = (8.4, 4.6)
+# Factor on the widths of lines in the small panels of Fig. 3.
+_SMALL_WEIGHT = 0.7
+# Number of points that a circle is drawn with. More make it smoother.
+_CIRCLE_POINTS = 181
 
 
 def figure_1(effort: Effort) -> Picture:
@@ -50,7 +70,7 @@ def figure_1(effort: Effort) -> Picture:
     arms = [
         first.arranged(*each) for each in zip(different.orders, different.flips, strict=True)
     ]
-    table = pd.DataFrame(
+    rows = [
         {
             "columns": list(arm.columns),
             "joint_positions": arm.points[:, :2].tolist(),
@@ -59,18 +79,19 @@ def figure_1(effort: Effort) -> Picture:
             "locked_singular_values": measures.locked_singular_values(arm.jacobian()).tolist(),
         }
         for arm in arms
-    )
-    with style.styled(7.4, 7.8) as figure:
+    ]
+    with style.styled(*_FIGURE_1_INCHES) as figure:
         what = f"σ = √⅓ = {measures.worst_case_sigma(matrix):.4f} whichever joint locks"
         figure.suptitle(f"Planar 3R with the optimal Jacobian: {what}\n")
+        # Two panels a row, and as many rows as the arms need.
         panels = figure.subplots(-(-len(arms) // 2), 2, squeeze=False).ravel()
-        for axes, arm, lengths in zip(panels, arms, table["link_lengths"], strict=False):
+        for axes, arm, row in zip(panels, arms, rows, strict=False):
             _draw_on_circle(axes, arm)
-            links = ", ".join(f"{length:.3f}" for length in lengths)
+            links = ", ".join(f"{length:.3f}" for length in row["link_lengths"])
             axes.set_title(f"links {links}", fontsize="medium", loc="center")
         for axes in panels[len(arms) :]:
             axes.set_axis_off()
-    return Picture(figure, table)
+    return Picture(figure, rows)
 
 
 def figure_3(effort: Effort) -> Picture:
@@ -90,18 +111,18 @@ def figure_3(effort: Effort) -> Picture:
         for failures, wanted in _ALPHAS_DEG.items()
         for matrix in nearest(optima(4, effort, failures), wanted)
     ]
-    table = pd.DataFrame(rows)
-    with style.styled(8.4, 5.6) as figure:
-        what = f"σ = √½ = {table['sigma_one_locked'].min():.4f} whichever joint locks"
+    with style.styled(*_FIGURE_3_INCHES) as figure:
+        least = min(row["sigma_one_locked"] for row in rows)
+        what = f"σ = √½ = {least:.4f} whichever joint locks"
         figure.suptitle(f"The family of optimal planar 4R: {what}\n")
         for axes, row in zip(figure.subplots(2, 4).ravel(), rows, strict=True):
             arm = realise(np.array(row["jacobian"]))
-            _draw_on_circle(axes, arm, columns=False, weight=0.7)
+            _draw_on_circle(axes, arm, columns=False, weight=_SMALL_WEIGHT)
             two = row["sigma_two_locked"]
             title = f"α = {row['alpha_degrees']:.1f}°\nafter two failures\nσ = {two:.3f}"
             colour = style.VERMILION if row["optimal_for_failures"] == 2 else style.INK
             axes.set_title(title, fontsize=style.SMALL, loc="center", color=colour)
-    return Picture(figure, table)
+    return Picture(figure, rows)
 
 
 def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
@@ -109,6 +130,7 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
 
     A revolute joint with |v| = |ω| = 1 has its axis at the distance 1 from the end effector: a
     tangent of the unit sphere about it. The order of the joints does not matter here.
+    InputError if the Jacobian, shape (6, n), has another number of rows or prismatic joints.
     """
     matrix = jacobian
     if matrix is None:
@@ -120,7 +142,7 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
     if np.any(arm.prismatic):
         raise InputError("jacobian", "with a prismatic joint", "revolute joints only")
     distances = np.linalg.norm(arm.points - arm.end_effector, axis=1)
-    with style.styled(8.4, 4.6) as figure:
+    with style.styled(*_SEVEN_AXES_INCHES) as figure:
         tangent = common_lever(arm) > 0
         what = "axes tangent to a sphere" if tangent else "axes, and the sphere of their mean"
         sigma = measures.worst_case_sigma(matrix)
@@ -135,20 +157,22 @@ def seven_axes(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
             draw_axes(arm, axes, view, float(np.mean(distances)), _HALF_AXIS_RADII)
             axes.set(xlim=(-half, half), ylim=(-half, half))
             axes.set_title(side, fontsize=style.SMALL, color=style.GREY, loc="center", y=-0.02)
-    table = pd.DataFrame(
-        {
-            "joint": range(arm.joints),
-            "direction": arm.directions.tolist(),
-            "nearest_point": (arm.points - arm.end_effector).tolist(),
-            "distance": distances,
-            "sigma_when_locked": measures.locked_singular_values(matrix),
-        }
-    )
-    return Picture(figure, table)
+    shown = {
+        "joint": range(arm.joints),
+        "direction": arm.directions.tolist(),
+        "nearest_point": (arm.points - arm.end_effector).tolist(),
+        "distance": distances.tolist(),
+        "sigma_when_locked": measures.locked_singular_values(matrix).tolist(),
+    }
+    rows = [dict(zip(shown, row, strict=True)) for row in zip(*shown.values(), strict=True)]
+    return Picture(figure, rows)
 
 
 def optima(joints: int, effort: Effort, failures: int = 1) -> list[FloatArray]:
-    """Return planar Jacobians of the starts that reached the best worst case, tr JJᵀ = 2."""
+    """Return planar Jacobians, (2, joints), of the starts that reached the best worst case.
+
+    They have tr JJᵀ = 2, which their columns share as they like.
+    """
     effort.progress(f"max-min, planar {joints}R, {failures} locked")
     arm = Arm.of(FreeColumn(2, norm=float(np.sqrt(2 / joints)), budget="mean"), joints)
     case = Case(max_min, arm, {"failures": failures})
@@ -158,7 +182,8 @@ def optima(joints: int, effort: Effort, failures: int = 1) -> list[FloatArray]:
 def printed_form(matrix: FloatArray) -> FloatArray:
     """Return the Jacobian as eq. (12) prints it: signs such that j₁ + j₂ + j₃ = 0, j₁ along −x.
 
-    Columns follow one another counter-clockwise.
+    Columns follow one another counter-clockwise. Shape (2, 3). Its null space is spanned by
+    (±1, ±1, ±1), and these are the signs.
     """
     signs = np.sign(np.linalg.svd(matrix)[2][-1])
     signed = turned(matrix * signs, np.pi)
@@ -174,6 +199,7 @@ def in_family(matrix: FloatArray) -> FloatArray:
     partner. Columns keep their signs as far as that allows, so that α, the angle from j₁ to
     j₃, may be anywhere in [0, 2π).
     """
+    # The partner of column 1 is orthogonal to it: the cosine of twice their angle is −1.
     doubled = np.cos(2 * (angles(matrix) - angles(matrix)[0]))
     partner = 1 + int(np.argmin(doubled[1:]))
     first, *rest = [i for i in range(4) if i != partner]
@@ -184,7 +210,7 @@ def in_family(matrix: FloatArray) -> FloatArray:
 
 
 def alpha(member: FloatArray) -> float:
-    """Return the parameter of a member written as eq. (16) does, in [0, 2π)."""
+    """Return α of a member, shape (2, 4), as eq. (16) writes it: from j₁ to j₃, in [0, 2π)."""
     first, _, third, _ = angles(member)
     return float(np.mod(third - first, 2 * np.pi))
 
@@ -193,6 +219,7 @@ def nearest(matrices: list[FloatArray], wanted: tuple[float, ...]) -> list[Float
     """Return, for each angle in degrees, the member whose α is nearest to it."""
     members = [in_family(matrix) for matrix in matrices]
     own = np.degrees([alpha(member) for member in members])
+    # Angles are compared modulo a whole turn.
     off = [np.abs((own - angle + 180) % 360 - 180) for angle in wanted]
     return [members[int(np.argmin(distances))] for distances in off]
 
@@ -208,7 +235,7 @@ def turned(matrix: FloatArray, direction: float) -> FloatArray:
 
 
 def angles(matrix: FloatArray) -> FloatArray:
-    """Angles of the columns from x towards y, in radians, shape (n,)."""
+    """Return the angles of the columns from x towards y, in radians, shape (n,)."""
     return np.asarray(np.arctan2(matrix[1], matrix[0]))
 
 
@@ -223,7 +250,7 @@ def _draw_on_circle(
     draw(arm, axes, columns=columns, weight=weight)
     away = arm.points[:, :2] - arm.end_effector[:2]
     radius = float(np.max(np.linalg.norm(away, axis=1)))
-    angle = np.linspace(0, 2 * np.pi, 181)
+    angle = np.linspace(0, 2 * np.pi, _CIRCLE_POINTS)
     x, y = arm.end_effector[:2]
     circle = x + radius * np.cos(angle), y + radius * np.sin(angle)
     axes.plot(*circle, color=style.PALE, lw=0.6, zorder=0)

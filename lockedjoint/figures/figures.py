@@ -1,4 +1,10 @@
-"""Figures of values of the library, and figures by name, with what each is made from."""
+"""Figures of values of the library, and figures by name, with what each is made from.
+
+`FIGURES` has the figures of ``lockedjoint figure`` by name: each solves problems, or takes what
+is given, and draws. `plot` draws a value that a user has: `_figure` chooses the function by the
+value's type. To add a figure, write a function of an `Effort` that returns a `Picture`, or one
+of a value that returns matplotlib's figure, in a file of this folder, and name it here.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +44,17 @@ if TYPE_CHECKING:
 class FigureKind:
     """A kind of figure."""
 
-    make: Callable[..., Picture]  # of an `Effort`; computes the numbers and draws them
-    starts: int  # by default, random ones of each problem
-    takes: str = ""  # what may be shown instead: ``jacobian`` or ``store``
+    #: Computes the numbers with an `Effort`, and draws them.
+    make: Callable[..., Picture]
+    #: Number of random starts of each problem, if the user names none.
+    starts: int
+    #: Name of the argument of `make` that is shown instead of solving, ``jacobian`` or
+    #: ``store``; empty if there is none.
+    takes: str = ""
 
 
+#: Figures by name. More starts take longer, and may find better answers; figure-3 needs them to
+#: find members of a family near to eight angles, and optima to count where they end.
 FIGURES: Mapping[str, FigureKind] = {
     "figure-1": FigureKind(arms.figure_1, 5),
     "figure-3": FigureKind(arms.figure_3, 100),
@@ -60,9 +72,9 @@ class Plot(Brief):
     Attributes
     ----------
     figure
-        Matplotlib's.
+        Matplotlib's figure.
     look
-        How it was asked to look.
+        The size, title and settings that were asked for.
     """
 
     figure: Figure
@@ -83,6 +95,7 @@ class Plot(Brief):
         return target
 
     def _repr_svg_(self) -> str:
+        """Return the figure as notebooks show it."""
         with looking(self.look):
             return content(self.figure, "svg").decode()
 
@@ -162,6 +175,7 @@ def _on_axes(axes: Axes, value: object, look: Look) -> Figure:
 
 @singledispatch
 def _figure(value: object) -> Figure:
+    """Return the figure of a value of a type below; InputError if it has another type."""
     allowed = (
         "an Assessment, RobotAssessment, Record, Outcome, Manipulator, PathPlan, Workspace or "
         "KeptCubes"

@@ -2,6 +2,12 @@
 
 A whole figure names its views, in parallel projection, and has the directions of the base's
 frame, a scale and the column of the Jacobian that each joint contributes.
+
+What comes in: a `Manipulator` of n joints, whose points and directions have the shape (n, 3),
+metres and unit vectors. `View.project` turns them into points as they are seen: right, up and
+depth, where a larger depth is nearer to the eye. The *radius* of a drawing is the largest
+distance of a joint's point from the end effector: lengths of what is drawn are shares of it.
+Widths of lines (``lw``) and sizes of markers (``ms``) are points, 1/72 inch.
 """
 
 from __future__ import annotations
@@ -29,6 +35,29 @@ _LINK_COLOUR = style.ORANGE
 _AXIS_COLOUR = style.BLUE
 # The end effector has this colour.
 _TIP_COLOUR = style.VERMILION
+# Width of a panel of a whole figure, in inches.
+_PANEL_INCHES = 4.2
+# Height of a whole figure without the table of columns, in inches.
+_BARE_HEIGHT_INCHES = 4.83
+# Height of a line of the table of columns, in inches: one for each joint.
+_LINE_INCHES = 0.13
+# Side of the small drawing, in inches.
+_THUMBNAIL_INCHES = 3.4
+# Number of decimals of the table of columns: smaller entries are shown as 0, without a sign.
+_TABLE_DECIMALS = 12
+# Share of empty space around a drawing.
+_MARGIN_SHARE = 0.06
+# Difference of lever arms, as a share of the largest one, up to which one sphere touches all
+# axes.
+_COMMON_LEVER_SHARE = 1e-3
+# Slack of a round length: the share by which rounding may bring it above the largest.
+_ROUNDING = 1e-12
+# Number of points that a circle is drawn with. More make it smoother.
+_CIRCLE_POINTS = 181
+# Number of points that an axis is drawn with: it is hidden or not at each of them.
+_AXIS_POINTS = 201
+# Number of places on each link, or each axis, that names stay away from.
+_TAKEN_PLACES = 9
 # A drawn axis is twice as long as this share of the drawing's radius.
 _HALF_AXIS_SHARE = 0.42
 # A joint's body is twice as long as this share of the drawing's radius.
@@ -39,8 +68,23 @@ _NAME_HALF_LENGTHS = 1.14
 _FAR_NAME_HALF_LENGTHS = 1.5
 # Names are near one another below this distance, in shares of the drawing's radius.
 _NEAR_SHARE = 0.2
+# The name of a joint in the plane stands this far from it, in shares of the drawing's radius.
+_JOINT_NAME_SHARE = 0.13
+# The step between the places for such a name, in degrees around the joint.
+_JOINT_NAME_STEP_DEG = 30
 # Columns are drawn to this share of their length, which is inside most arms.
 _COLUMN_SHARE = 0.3
+# The letter of a column stands this far beyond its arrow, in shares of the drawing's radius.
+_COLUMN_NAME_SHARE = 0.13
+# Arrows of the base's frame have this length, in shares of the drawing's radius.
+_FRAME_SHARE = 0.16
+# The letter of an axis of the frame is moved this far beyond its arrow, in points.
+_FRAME_NAME_POINTS = 5
+# An axis of the frame seen shorter than this share of its arrow is along the line of sight, and
+# is not drawn.
+_ALONG_SIGHT_SHARE = 0.1
+# The bar of the scale is at most this long, in shares of the drawing's radius.
+_SCALE_SHARE = 0.5
 # Layers of the drawing: a larger number lies above a smaller one.
 _FLOOR_LAYER = 0
 _LINE_LAYER = 5
@@ -53,7 +97,7 @@ _LETTER_LAYER = 60
 def figure(manipulator: Manipulator) -> Figure:
     """Return a drawing: planar arms in their plane, others from two sides.
 
-    Where there is room, with the table of columns.
+    The table of columns is below, unless the figure is low (`style.is_low`).
     """
     joint = "joint"
     if np.any(manipulator.prismatic):
@@ -61,7 +105,8 @@ def figure(manipulator: Manipulator) -> Figure:
         joint += ", a circle if revolute" if in_plane else ", hollow if prismatic"
     parts = {"link": _LINK_COLOUR, joint: _AXIS_COLOUR, "end effector": _TIP_COLOUR}
     views = clear_views(manipulator)
-    with style.styled(4.2 * len(views), 4.83 + 0.13 * manipulator.joints) as drawn:
+    height_inches = _BARE_HEIGHT_INCHES + _LINE_INCHES * manipulator.joints
+    with style.styled(_PANEL_INCHES * len(views), height_inches) as drawn:
         panels = drawn.subplots(1, len(views), squeeze=False)[0]
         for axes, view in zip(panels, views, strict=True):
             draw(manipulator, axes, view, scale=True)
@@ -74,8 +119,8 @@ def figure(manipulator: Manipulator) -> Figure:
 
 
 def thumbnail(jacobian: FloatArray) -> bytes:
-    """Return a small drawing of an arm with a Jacobian, as SVG."""
-    with style.styled(3.4, 3.4) as drawn:
+    """Return a small drawing, as SVG, of an arm whose Jacobian is the given one, (m, n)."""
+    with style.styled(_THUMBNAIL_INCHES, _THUMBNAIL_INCHES) as drawn:
         # There is nothing beside the arm, and a layout takes as long again.
         drawn.set_layout_engine("none")
         draw(realise(jacobian), drawn.add_axes((0.0, 0.0, 1.0, 1.0)))
@@ -83,11 +128,15 @@ def thumbnail(jacobian: FloatArray) -> bytes:
 
 
 def columns_text(manipulator: Manipulator) -> str:
-    """Return a table: of each joint, which column it contributes, and that column."""
+    """Return a table as text, a line for each joint.
+
+    It has the joint's number, the number of the column of the Jacobian that it contributes, and
+    the entries of that column under the names of the task's rows.
+    """
     names = [("vx", "vy", "vz", "wx", "wy", "wz")[row] for row in manipulator.task.rows]
     lines = ["joint  column  " + "".join(f"{name:>9}" for name in names)]
     for i, entries in enumerate(manipulator.jacobian().T):
-        numbers = "".join(f"{entry:9.4g}" for entry in np.round(entries, 12) + 0.0)
+        numbers = "".join(f"{entry:9.4g}" for entry in np.round(entries, _TABLE_DECIMALS) + 0.0)
         lines.append(f"{i:>5}  {manipulator.columns[i]:>6}  {numbers}")
     return "\n".join(lines)
 
@@ -103,10 +152,24 @@ def draw(
 ) -> None:
     """Draw a manipulator into axes of a matplotlib figure.
 
-    From a view, or the clearest one; with the joints named, from 0 at the base; with the
-    columns of a planar arm's Jacobian at the end effector, all shortened alike; with lines of
-    a weight, below 1 in small panels, where names stand farther off; with the directions of
-    the base's frame and a scale below.
+    Parameters
+    ----------
+    manipulator
+        What is drawn.
+    axes
+        Where it is drawn.
+    view
+        The direction from which it is seen; by default the clearest one.
+    named
+        Whether the joints are named, from 0 at the base.
+    columns
+        Whether the columns of a planar arm's Jacobian are drawn as arrows at the end effector,
+        all shortened alike.
+    weight
+        A factor on the widths of lines: below 1 in small panels, where names of a planar arm's
+        joints stand farther off.
+    scale
+        Whether the directions of the base's frame and a scale are drawn below.
     """
     view = view or clear_views(manipulator)[0]
     names = [str(i) if named else "" for i in range(manipulator.joints)]
@@ -122,15 +185,16 @@ def draw(
     strokes.names(names, strokes.along_links())
     if scale:
         strokes.frame_and_scale()
-    axes.margins(0.06)
+    axes.margins(_MARGIN_SHARE)
 
 
 def draw_axes(
     manipulator: Manipulator, axes: Axes, view: View, ball: float, reach: float
 ) -> None:
-    """Draw the axes alone, and a ball of a radius about the end effector that hides them.
+    """Draw the axes alone, and a ball about the end effector that hides them.
 
-    They reach so far to both sides, in parts of the largest distance of an axis.
+    `ball` is its radius, in metres. Axes reach to both sides by `reach`, in shares of the
+    drawing's radius.
     """
     strokes = _Strokes(manipulator, axes, view, ball, reach)
     strokes.sphere()
@@ -140,20 +204,30 @@ def draw_axes(
 
 
 def common_lever(manipulator: Manipulator) -> float:
-    """Radius of the sphere about the end effector that all revolute axes touch; 0 if none."""
+    """Return the radius of the sphere about the end effector that all revolute axes touch.
+
+    It is in metres, and 0 if there is no such sphere. The distance of an axis from the end
+    effector is the norm of its linear velocity at 1 rad/s.
+    """
     levers = np.linalg.norm(manipulator.full_jacobian()[:3, ~manipulator.prismatic], axis=0)
-    common = levers.size > 0 and float(np.ptp(levers)) < 1e-3 * float(np.max(levers))
-    return float(np.mean(levers)) if common else 0.0
+    if levers.size == 0:
+        return 0.0
+    is_common = float(np.ptp(levers)) < _COMMON_LEVER_SHARE * float(np.max(levers))
+    return float(np.mean(levers)) if is_common else 0.0
 
 
 def round_length(most: float) -> float:
     """Return the largest of 1, 2 and 5 times a power of ten that is not above `most`."""
     power = 10.0 ** np.floor(np.log10(most))
-    return float(max(k * power for k in (1, 2, 5) if k * power <= most * (1 + 1e-12)))
+    return float(max(k * power for k in (1, 2, 5) if k * power <= most * (1 + _ROUNDING)))
 
 
 class _Strokes:
-    """Draws the parts of one manipulator, seen from one side: which lies above which."""
+    """Draws the parts of one manipulator, seen from one side: which lies above which.
+
+    `ball` is the radius of the sphere about the end effector in metres, 0 for none; `reach` the
+    half of an axis in shares of the drawing's radius; `weight` a factor on widths of lines.
+    """
 
     def __init__(
         self,
@@ -166,10 +240,13 @@ class _Strokes:
     ) -> None:
         self._arm, self._axes, self._view = arm, axes, view
         self._ball, self._weight = ball, weight
+        # The end effector, shape (3,), and the joints' points, shape (n, 3), as they are seen.
         self._tip = view.project(arm.end_effector)
         self._joints = view.project(arm.points)
         away = np.linalg.norm(arm.points - arm.end_effector, axis=1)
+        # All joints may be in the end effector: the radius is then 1 m.
         self._radius = float(np.max(away)) or 1.0
+        # From the middle of each drawn axis to its end, as it is seen, shape (n, 3).
         self._half = reach * self._radius * view.project(arm.directions)
         axes.set_aspect("equal")
         axes.set_axis_off()
@@ -178,8 +255,9 @@ class _Strokes:
         """Draw the sphere about the end effector, if there is one: its rim and its equator."""
         if self._ball == 0:
             return
-        angle = np.linspace(0, 2 * np.pi, 181)
-        circle = self._ball * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(181)])
+        angle = np.linspace(0, 2 * np.pi, _CIRCLE_POINTS)
+        flat = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_CIRCLE_POINTS)])
+        circle = self._ball * flat
         rim = self._tip + circle
         self._axes.fill(*rim.T[:2], fc=style.PAPER, ec=style.PALE, lw=0.8, zorder=_FLOOR_LAYER)
         equator = self._tip + self._view.project(circle)
@@ -192,7 +270,7 @@ class _Strokes:
     def axis_lines(self, width: float = 0.9) -> None:
         """Draw axes, paler where they are behind the sphere about the end effector."""
         for point, half in zip(self._joints, self._half, strict=True):
-            line = point + np.linspace(-1, 1, 201)[:, None] * half
+            line = point + np.linspace(-1, 1, _AXIS_POINTS)[:, None] * half
             x, y, depth = (line - self._tip).T
             hidden = (np.hypot(x, y) < self._ball) & (depth < 0)
             layer = _LINE_LAYER + int(point[2] >= self._tip[2])
@@ -259,32 +337,42 @@ class _Strokes:
             if size == 0:
                 continue
             self._arrow(start, shift, {"shrinkA": 3})
-            self._text(start + shift * (1 + 0.13 * self._radius / size), f"$j_{{{name}}}$")
+            beyond = 1 + _COLUMN_NAME_SHARE * self._radius / size
+            self._text(start + shift * beyond, f"$j_{{{name}}}$")
 
     def frame_and_scale(self) -> None:
-        """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten."""
-        (left, low), (right, _) = self._axes.dataLim.get_points()
-        reach = 0.16 * self._radius
+        """Draw the axes of the base's frame, and a bar of 1, 2 or 5 times a power of ten.
+
+        Both are below what has been drawn. The bar ends below the origin of the base's frame.
+        """
+        left, low = self._axes.dataLim.get_points()[0]
+        reach = _FRAME_SHARE * self._radius
         start = np.array([left + 1.3 * reach, low - 2.6 * reach])
         for name, seen in zip("xyz", self._view.project(np.eye(3)), strict=True):
             shift = reach * seen[:2]
-            if np.hypot(*shift) < 0.1 * reach:
-                continue  # along the line of sight
+            if np.hypot(*shift) < _ALONG_SIGHT_SHARE * reach:
+                continue
             self._arrow(start, shift, {"shrinkA": 0, "shrinkB": 0})
-            right, up = 5 * shift / np.hypot(*shift)
+            right, up = _FRAME_NAME_POINTS * shift / np.hypot(*shift)
             self._text(start + shift, name, size=style.SMALL, away=(right, up))
-        length = round_length(0.5 * self._radius)
-        bar = np.array([[right - length, start[1]], [right, start[1]]])
+        length = round_length(_SCALE_SHARE * self._radius)
+        bar = np.array([[-length, start[1]], [0.0, start[1]]])
         [line] = self._axes.plot(*bar.T, color=style.INK, lw=1.6, marker="|", ms=5)
         line.set_solid_capstyle("butt")
         self._text(bar.mean(axis=0) + [0.0, 0.5 * reach], f"{length:g} m", size=style.SMALL)
 
     def names(self, names: Sequence[str], taken: FloatArray) -> None:
-        """Write each joint's name where it is farthest from the places taken, shape (k, 2)."""
+        """Write each joint's name where it is farthest from the places taken, shape (k, 2).
+
+        In the plane a name stands around its joint. In space it is on the joint's axis, at
+        either end or, where other names are near, farther out. A name takes its place from the
+        names after it.
+        """
         if self._arm.task.in_plane:
-            angle = np.radians(np.arange(0, 360, 30))
+            angle = np.radians(np.arange(0, 360, _JOINT_NAME_STEP_DEG))
             around = np.column_stack([np.cos(angle), np.sin(angle)])
-            choices = self._joints[:, None, :2] + 0.13 / self._weight * self._radius * around
+            away = _JOINT_NAME_SHARE / self._weight * self._radius * around
+            choices = self._joints[:, None, :2] + away
         else:
             out = (
                 -_NAME_HALF_LENGTHS,
@@ -294,8 +382,10 @@ class _Strokes:
             )
             choices = np.stack([self._joints + k * self._half for k in out], axis=1)
         for name, offered in zip(names, choices[..., :2], strict=True):
+            # The distance of each place offered from the nearest one taken. In space the last
+            # two places are those farther out.
             room = np.linalg.norm(taken[:, None] - offered, axis=-1).min(axis=0)
-            near = room[:-2] if len(offered) == 4 else room
+            near = room if self._arm.task.in_plane else room[:-2]
             crowded = np.max(near) < _NEAR_SHARE * self._radius
             place = offered[int(np.argmax(room if crowded else near))]
             taken = np.vstack([taken, place])
@@ -304,13 +394,13 @@ class _Strokes:
     def along_links(self) -> FloatArray:
         """Return places on the links and on the ground, shape (k, 2)."""
         places = np.vstack([self._joints, self._tip])[:, :2]
-        links = np.linspace(places[:-1], places[1:], 9).reshape(-1, 2)
+        links = np.linspace(places[:-1], places[1:], _TAKEN_PLACES).reshape(-1, 2)
         return np.vstack([links, places[:1] - [0.0, 0.1 * self._radius]])
 
     def along_axes(self) -> FloatArray:
         """Return places on the axes, short of their ends, shape (k, 2)."""
         ends = 0.8 * self._half
-        places = np.linspace(self._joints - ends, self._joints + ends, 9)
+        places = np.linspace(self._joints - ends, self._joints + ends, _TAKEN_PLACES)
         return np.asarray(places[..., :2].reshape(-1, 2))
 
     def _part(self, line: FloatArray, part: BoolArray, colour: str, width: float) -> Line2D:
@@ -319,10 +409,12 @@ class _Strokes:
         return self._axes.plot(x, y, color=colour, lw=width)[0]
 
     def _line(self, ends: FloatArray, colour: str, lw: float, layer: float, cap: str) -> None:
+        """Draw a segment between two points, shape (2, 3), whose ends have the form `cap`."""
         [line] = self._axes.plot(*ends.T[:2], color=colour, lw=lw * self._weight)
         line.set(zorder=layer, solid_capstyle=cap)
 
     def _arrow(self, start: FloatArray, shift: FloatArray, shrink: dict[str, float]) -> None:
+        """Draw an arrow from a point by a shift, shape (2,) each; it is shortened in points."""
         arrow = {"arrowstyle": "-|>", "color": style.INK, "lw": 0.8, **shrink}
         ends = tuple(start + shift), tuple(start)
         self._axes.annotate("", *ends, arrowprops=arrow, zorder=_JOINT_LAYER)
@@ -335,7 +427,7 @@ class _Strokes:
         size: str = "medium",
         away: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Write a text at a place, so many points to the right and up."""
+        """Write a text at a place, shape (2,), moved to the right and upwards, in points."""
         from matplotlib.patheffects import withStroke
 
         offset: dict[str, Any] = {"xytext": away, "textcoords": "offset points"}

@@ -2,8 +2,10 @@
 
 What comes in: a `PathPlan`, a `Workspace` on a grid of voxels, or `KeptCubes`, which are kept
 for certain. What goes out: a figure of matplotlib, in inches. Positions are in metres. σ is the
-worst-case singular value, without a unit. A voxel is a cube of the grid, and voxel (i, j, l)
-has its middle at (corner + (i, j, l)) times the edge `voxel`. In the plane there are squares.
+least singular value of the Jacobian after the worst failure, without a unit. A joint *survives*
+at a sample of a path if the path can be finished after it has locked there. A voxel is a cube
+of the grid, and voxel (i, j, l) has its middle at (corner + (i, j, l)) times the edge `voxel`.
+In the plane there are squares.
 """
 
 from __future__ import annotations
@@ -40,12 +42,19 @@ _FLAT_INCHES = (4.6, 4.6)
 _SPATIAL_INCHES = (7.4, 4.0)
 # The height of a joint's row below a path, if the plots above have a height of 2, or of 1.
 _ROW_HEIGHT = 0.35
+# Ticks of the number of joints are one apart below this number, and two apart from it on.
+_MANY_JOINTS = 6
+# The room above the number of all joints, in joints.
+_ROOM_ABOVE = 0.3
 # The axes of squares reach to this factor of the farthest middle.
 _AROUND = 1.05
 
 
 def draw_path(plan: PathPlan) -> Figure:
-    """Draw σ and the survivors along a path, beside those of the minimum-norm trajectory."""
+    """Draw σ and the survivors along a path, beside those of the minimum-norm trajectory.
+
+    The panels show σ, the number of joints that survive, and when each of them does.
+    """
     times, count = plan.times, len(plan.joints)
     with styled(*_PATH_INCHES) as figure:
         from matplotlib.colors import ListedColormap
@@ -69,8 +78,8 @@ def draw_path(plan: PathPlan) -> Figure:
         style.legend(figure, colours, 2, above=True)
         if middle:
             middle.set_title("number of joints that may lock")
-            middle.set_ylim(0, count + 0.3)
-            middle.set_yticks(range(0, count + 1, 1 if count < 6 else 2))
+            middle.set_ylim(0, count + _ROOM_ABOVE)
+            middle.set_yticks(range(0, count + 1, 1 if count < _MANY_JOINTS else 2))
         # A cell for each joint and each sample, and white between the joints.
         edges = np.concatenate([times[:1], (times[1:] + times[:-1]) / 2, times[-1:]])
         rows, filled = np.arange(count + 1) - 0.5, ListedColormap([PALE, BLUE])
@@ -92,6 +101,8 @@ def draw_workspace(workspace: Workspace) -> Figure:
     That of a planar arm is drawn whole; of a spatial one its section through the axis of the
     first joint, and that across it where most is kept.
     """
+    # Each layer has truth values by voxel: what is reached before any failure within the
+    # physical limits, within the artificial ones, and what is kept.
     sets = workspace.sets
     within = (physical_ranges(workspace.arm), workspace.limits)
     layers = [*map(sets.before, within), workspace.voxels]
@@ -105,6 +116,7 @@ def draw_workspace(workspace: Workspace) -> Figure:
         else:
             left, right = figure.subplots(1, 2)
             most = layers[2] if layers[2].any() else layers[0]
+            # The layer with y = 0, and that across z which has most voxels.
             across = -int(sets.corner[1])
             level = int(np.argmax(most.sum(axis=(0, 1))))
             _section(left, workspace, [layer[:, across] for layer in layers], (0, 2))

@@ -1,16 +1,21 @@
 """Singular values before and after the failure of each joint, beside the bounds.
 
-By default of two Jacobians, the residual minimum and the max-min optimum of unit revolute 7R.
-Bars show of an assessment what each failure leaves.
+`make` draws all singular values of a Jacobian J, by default of two: the residual minimum and
+the max-min optimum of unit revolute 7R. J has the shape (m, n), one column per joint; joints
+are counted from 0. `bars` draws of an assessment what each failure leaves: σ, the least
+singular value of the columns that are left.
+
+The rows of a `Picture` have the columns ``jacobian`` (its title), ``locked_joint`` (None before
+a failure), ``singular_value`` (its number, from 1, the largest first), ``value``, and a column
+for each bound by its name, None where it does not hold for this J.
 """
 
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from lockedjoint.figures import style
 from lockedjoint.figures.style import Picture, reached
@@ -34,19 +39,41 @@ _HEIGHT_INCHES = 4.8
 _MARGIN_INCHES = 1.0
 # The width of one joint, in inches.
 _JOINT_INCHES = 0.37
+# The statements whose answers are drawn by default, and the titles of these panels.
 _TITLES = {residual: "Residual minimum", max_min: "Max-min optimum"}
 # The stroke of a singular value is twice as long as this share of the distance of two joints.
 _HALF_STROKE = 0.3
 # Bounds that differ by less than this are one line.
 _SAME = 1e-4
-# The largest number of bars.
+# The largest number of bars. More would be too thin to name.
 _MOST_BARS = 60
+# The number of bars for which there is room at least: fewer are drawn as wide.
+_LEAST_BARS = 8
+# The width of the figure of bars: what is beside them, and each bar, in inches.
+_BESIDE_BARS_INCHES = 2.2
+_BAR_WITH_ROOM_INCHES = 0.3
+# The height of the figure of bars, in inches.
+_BARS_HEIGHT_INCHES = 3.4
+# The width of a bar, as a share of the distance of two bars.
+_BAR_WIDTH = 0.7
+# The height of the bars' axes, as a factor of the largest value.
+_HEADROOM = 1.12
+# Share of the worst case up to which another failure is as bad, and drawn in its colour.
+_TIE_SHARE = 1e-6
+# The width of a panel beside its joints, in joints: "before" and the gaps.
+_WIDTHS_BESIDE_JOINTS = 3
+# The place of the first joint on the axis; values before a failure are at 0.
+_FIRST_JOINT_PLACE = 1.5
 # The least width of a bar with its gap, in inches.
 _BAR_INCHES = 0.19
 
 
 def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
-    """Solve, or take the Jacobian given, and draw its singular values."""
+    """Solve, or take the Jacobian given, shape (m, n), and draw its singular values.
+
+    Panels above have all values but the smallest after each failure, panels below these: the
+    two have scales of their own.
+    """
     seven = Arm.of(UnitRevolute(), 7)
     if jacobian is not None:
         shown = [("", jacobian)]
@@ -57,7 +84,7 @@ def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         ]
     for _, matrix in shown:
         whole_number("number of columns of the Jacobian", matrix.shape[1], 1, MOST_JOINTS)
-    widths = [matrix.shape[1] + 3 for _, matrix in shown]
+    widths = [matrix.shape[1] + _WIDTHS_BESIDE_JOINTS for _, matrix in shown]
     with style.styled(_MARGIN_INCHES + _JOINT_INCHES * sum(widths), _HEIGHT_INCHES) as figure:
         panels = figure.subplots(
             2, len(shown), sharex="col", sharey="row", squeeze=False, width_ratios=widths
@@ -69,8 +96,10 @@ def make(effort: Effort, jacobian: FloatArray | None = None) -> Picture:
         for axes in panels[:, 1:].ravel():
             axes.spines[:].set_visible(False)
             axes.tick_params(length=0)
-    tables = [_table(title, matrix) for title, matrix in shown]
-    return Picture(figure, pd.concat(tables, ignore_index=True))
+    rows = [row for title, matrix in shown for row in _rows(title, matrix)]
+    # Every row has the bounds of all.
+    names = dict.fromkeys(name for row in rows for name in row)
+    return Picture(figure, [dict.fromkeys(names) | row for row in rows])
 
 
 def bars(value: Assessment | RobotAssessment) -> Figure:
@@ -78,42 +107,50 @@ def bars(value: Assessment | RobotAssessment) -> Figure:
 
     As many failures as there is room for, the worst ones if there are more.
     """
-    count = min(max(len(_left(value)), 8), _MOST_BARS)
-    with style.styled(2.2 + 0.3 * count, 3.4) as figure:
+    count = min(max(len(_left(value)[0]), _LEAST_BARS), _MOST_BARS)
+    width_inches = _BESIDE_BARS_INCHES + _BAR_WITH_ROOM_INCHES * count
+    with style.styled(width_inches, _BARS_HEIGHT_INCHES) as figure:
         draw_bars(figure.subplots(), value, figure.get_figwidth())
         figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
 def draw_bars(axes: Axes, value: Assessment | RobotAssessment, width: float) -> None:
-    """Draw what each failure leaves on axes for which there are so many inches."""
-    sigmas = _left(value)
-    worst, bound, count = float(sigmas.min()), value.sigma_bound, len(sigmas)
+    """Draw what each failure leaves on axes of a width, in inches.
+
+    Where there are more failures than bars have room, the worst ones are drawn.
+    """
+    names, sigmas = _left(value)
+    worst, bound, count = min(sigmas), value.sigma_bound, len(sigmas)
     axes.set_title("σ that each failure leaves")
     what = "joint that locks" if value.failures == 1 else "joints that lock"
     room = max(1, min(_MOST_BARS, int(width / _BAR_INCHES)))
     if count > room:
-        sigmas, what = sigmas.nsmallest(room), f"{what}, the worst {room} of {count}"
-    colours = np.where(sigmas <= worst * (1 + 1e-6), style.VERMILION, style.PALE).tolist()
-    axes.bar(range(len(sigmas)), sigmas, 0.7, color=colours)
+        shown = np.argsort(sigmas, kind="stable")[:room]
+        names, sigmas = [names[k] for k in shown], [sigmas[k] for k in shown]
+        what = f"{what}, the worst {room} of {count}"
+    is_worst = np.array(sigmas) <= worst * (1 + _TIE_SHARE)
+    colours = np.where(is_worst, style.VERMILION, style.PALE).tolist()
+    axes.bar(range(len(sigmas)), sigmas, _BAR_WIDTH, color=colours)
     label = f"trace bound (6) {bound:.4f}"
     axes.axhline(bound, color=style.INK, lw=0.6, ls=style.DASHED, label=label)
     axes.plot([], [], "s", color=style.VERMILION, label=f"worst case {worst:.4f}")
     axes.set_xlabel(what)
     axes.set_ylabel("smallest singular value")
-    turned = 90 if sigmas.index.str.len().max() > 2 else 0
-    axes.set_xticks(range(len(sigmas)), sigmas.index, rotation=turned, **style.LITERAL)
-    axes.set_ylim(0, 1.12 * max(bound, sigmas.max()))
+    # Names longer than a number of two digits have no room side by side.
+    turned = 90 if max(map(len, names)) > 2 else 0
+    axes.set_xticks(range(len(sigmas)), names, rotation=turned, **style.LITERAL)
+    axes.set_ylim(0, _HEADROOM * max(bound, *sigmas))
 
 
-def _left(value: Assessment | RobotAssessment) -> pd.Series:
-    """Return what each failure leaves, by the names of its joints."""
+def _left(value: Assessment | RobotAssessment) -> tuple[list[str], list[float]]:
+    """Return, for each failure, the names of the joints that lock, and the σ that it leaves."""
     if isinstance(value, Assessment):
         joints = combinations(map(str, range(value.joints)), value.failures)
         names = [", ".join(some) for some in joints]
-        return pd.Series(value.locked_sigmas, names)
+        return names, value.locked_sigmas
     names = [", ".join(map(style.label, failure.joints)) for failure in value.by_failure]
-    return pd.Series([failure.sigma for failure in value.by_failure], names)
+    return names, [failure.sigma for failure in value.by_failure]
 
 
 def bounds(matrix: FloatArray) -> dict[str, float]:
@@ -132,29 +169,33 @@ def bounds(matrix: FloatArray) -> dict[str, float]:
 
 
 def _values(matrix: FloatArray) -> list[FloatArray]:
-    """Singular values before, then after each failure; as many as there are rows."""
+    """Return the singular values before, then after the failure of each joint.
+
+    Those of one array are in descending order: min(m, columns) of them.
+    """
     after = (np.delete(matrix, f, axis=1) for f in range(matrix.shape[1]))
     return [np.asarray(np.linalg.svd(rest, compute_uv=False)) for rest in (matrix, *after)]
 
 
-def _table(title: str, matrix: FloatArray) -> pd.DataFrame:
-    return pd.DataFrame(
+def _rows(title: str, matrix: FloatArray) -> list[dict[str, Any]]:
+    """Return a row for each singular value of `_values`, see the file's header."""
+    return [
         {
             "jacobian": " ".join(title.split()) or "given",
-            "locked_joint": None if place == 0 else place - 1,
+            "locked_joint": None if place == 0 else float(place - 1),
             "singular_value": k + 1,
             "value": float(value),
             **bounds(matrix),
         }
         for place, values in enumerate(_values(matrix))
         for k, value in enumerate(values)
-    )
+    ]
 
 
 def _draw(upper: Axes, lower: Axes, title: str, matrix: FloatArray) -> None:
-    """Draw the smallest value after each failure below, all others above: two scales."""
+    """Draw the smallest value after each failure on `lower`, all others on `upper`."""
     values = _values(matrix)
-    places = np.array([0.0, *(1.5 + f for f in range(matrix.shape[1]))])
+    places = np.array([0.0, *(_FIRST_JOINT_PLACE + f for f in range(matrix.shape[1]))])
     for place, column in zip(places, values, strict=True):
         others = column if place == 0 else column[:-1]
         upper.hlines(

@@ -1,7 +1,13 @@
 """What all figures share: what they are made from, their style, and the content of files.
 
-Needs matplotlib (the extra `figures`), which is imported on the first figure. Files are SVG,
-PNG or PDF, the same bytes each time.
+A figure is made in three steps. `solved` and `reached` solve the problems that it shows.
+`styled` gives an empty figure of matplotlib, and the functions below it help to draw. `content`
+makes the bytes of an SVG, PNG or PDF file, the same bytes each time. A `Look` is what a user
+asks for: size, title and settings of matplotlib. It holds within `looking`.
+
+Sizes of figures are inches, as matplotlib has them; users may give centimetres. Widths of lines
+and offsets of texts are points, 1/72 inch. Matplotlib (the extra `figures`) is imported on the
+first figure.
 """
 
 from __future__ import annotations
@@ -29,7 +35,6 @@ from lockedjoint.nlp.errors import (
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -37,12 +42,15 @@ if TYPE_CHECKING:
     from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.formulations.solving.outcome import Outcome
 
+# Formats of files, which are also the endings of their names. Another one needs an entry in
+# `content`, too.
 _FORMATS = ("svg", "png", "pdf")
-# Colours of Okabe and Ito, which colour-blind readers can distinguish; as in the style sheet.
+# Colours of Okabe and Ito, which colour-blind readers can distinguish.
 ORANGE = "#E69F00"
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
-# Greys, from dark to light; the style sheet has them, too.
+# Greys, from dark to light. The style sheet `figures.mplstyle` has the first two, too: change
+# them in both.
 INK = "#333333"
 GREY = "#7A8087"
 PALE = "#C8CDD2"
@@ -51,23 +59,32 @@ PAPER = "#F5F7F9"
 DASHED = (0, (4, 3))
 # Small print has this size, which follows `font.size`: a style file sets all sizes at once.
 SMALL = "small"
-# The largest number of characters of a joint's name.
+# The largest number of characters of a joint's name. Longer names are cut, as labels beside
+# the axes would leave no room for the panel.
 _LONGEST_LABEL = 40
-# A figure lower than this, in inches, has room for less.
+# A figure lower than this, in inches, has room for less: see `is_low`.
 _LOW_INCHES = 3.2
+# The resolution of PNG files, and of the parts of others that are pixels, in dots per inch. A
+# larger one gives sharper and larger files.
+_DOTS_PER_INCH = 200
 
+# Our settings of matplotlib.
 _SHEET = Path(__file__).with_name("figures.mplstyle")
 # PDF files carry their fonts as TrueType, which publishers ask for; SVG files their text as
 # text.
 _WRITING = {"svg.hashsalt": "lockedjoint", "svg.fonttype": "none", "pdf.fonttype": 42}
 
+# The lock of the thread that draws, see `_style`.
 _ONE_AT_A_TIME = RLock()
 # The number of centimetres in an inch.
 _CM_PER_INCH = 2.54
-# The least width and height that can be read, in centimetres.
+# The least width and height that can be read, in centimetres. Error messages state it.
 _SMALLEST_CM = 2.0
-# The largest width and height that memory holds, in centimetres.
+# The largest width and height that memory holds, in centimetres. Error messages state it.
 _LARGEST_CM = 100.0
+# The number of decimals to which sides are rounded before they are compared with these limits:
+# 0.787… inches, computed from 2 cm, are then 2 cm.
+_CM_DECIMALS = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +92,9 @@ class Picture:
     """A figure, and the numbers that it shows."""
 
     figure: Figure
-    table: pd.DataFrame
-
-    def rows(self) -> list[dict[Any, Any]]:
-        """Return the table's rows as plain values; None for missing ones."""
-        plain = self.table.astype(object)
-        return plain.where(plain.notna(), None).to_dict("records")
+    #: Lines of a table, by the names of columns: plain values, None for missing ones. The
+    #: header of each figure's file says which columns there are.
+    rows: list[dict[str, Any]]
 
 
 class NothingFoundError(LockedJointError):
@@ -90,7 +104,10 @@ class NothingFoundError(LockedJointError):
 
 
 def solved(case: Case, effort: Effort) -> Outcome:
-    """Solve a case from all starts; KeyboardInterrupt if the user interrupted."""
+    """Solve a case from all starts, from one if the effort names no number.
+
+    KeyboardInterrupt if the user interrupted.
+    """
     from lockedjoint.formulations.solving.solve import run
 
     effort.progress(case.name)
@@ -101,7 +118,7 @@ def solved(case: Case, effort: Effort) -> Outcome:
 
 
 def reached(case: Case, effort: Effort) -> Outcome:
-    """Solve a case; NothingFoundError if no start passes the gate."""
+    """Solve a case as `solved` does; NothingFoundError if no start passes the gate."""
     outcome = solved(case, effort)
     if not outcome.reached:
         message = f"No start of {case.name} passes the check; ask for more starts."
@@ -113,11 +130,15 @@ def reached(case: Case, effort: Effort) -> Outcome:
 class Look:
     """How figures look, where that differs from the default."""
 
-    size: tuple[float, float] | None = None  # width and height in inches, or each one's own
-    title: bool = True  # of the whole figure; titles that tell panels apart stay
-    settings: Mapping[str, object] = field(default_factory=dict)  # Matplotlib's, over ours
+    #: Width and height in inches; None for the size that each figure has of its own.
+    size: tuple[float, float] | None = None
+    #: Whether the title of the whole figure is drawn. Titles that tell panels apart stay.
+    title: bool = True
+    #: Matplotlib's settings by name, which take the place of ours.
+    settings: Mapping[str, object] = field(default_factory=dict)
 
 
+# The look that holds now, in this thread; see `looking`.
 _LOOK: ContextVar[Look] = ContextVar("look", default=Look())  # noqa: B039
 
 
@@ -158,32 +179,35 @@ def read_style(path: str | Path, argument: str) -> Look:
         del settings["figure.titlesize"]
     if size is not None:
         width, height = (float(side) for side in size)
-        if not all(
-            _SMALLEST_CM <= round(_CM_PER_INCH * side, 9) <= _LARGEST_CM
-            for side in (width, height)
-        ):
+        if not _is_allowed(width, height):
             allowed = "each side 2 to 100 cm, which is 0.8 to 39.3 inches"
             raise InputError("figure.figsize", f"{width:g}, {height:g}", allowed)
         size = width, height
     return Look(size, title, settings)
 
 
+def _is_allowed(width: float, height: float) -> bool:
+    """Whether a width and a height, in inches, are from `_SMALLEST_CM` to `_LARGEST_CM`."""
+    sides_cm = [round(_CM_PER_INCH * side, _CM_DECIMALS) for side in (width, height)]
+    return all(_SMALLEST_CM <= side <= _LARGEST_CM for side in sides_cm)
+
+
 def _inches(text: str, argument: str) -> tuple[float, float]:
+    """Read a width and a height such as ``16x10cm``, in inches; else InputError."""
     number = r"\s*(\d+\.?\d*|\.\d+)\s*"
     of_kind(argument, text, str, "WIDTHxHEIGHT as text, such as 16x10")
     match = re.fullmatch(rf"{number}x{number}(cm|in)?", text, re.ASCII)
     factor = 1.0 if match and match[3] == "in" else _CM_PER_INCH
     width, height = (float(side) / factor for side in match.groups()[:2]) if match else (0, 0)
-    if not all(
-        _SMALLEST_CM <= round(_CM_PER_INCH * side, 9) <= _LARGEST_CM for side in (width, height)
-    ):
+    if not _is_allowed(width, height):
         allowed = "WIDTHxHEIGHT in cm, each 2 to 100, such as 16x10, or in inches: 6.3x4in"
         raise InputError(argument, text, allowed)
     return width, height
 
 
 def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
-    figure_class()
+    """Read the settings of a style file by name; FileError if matplotlib refuses one."""
+    figure_class()  # raises MissingLibraryError without matplotlib
     from matplotlib import colormaps, rc_params_from_file
 
     try:
@@ -207,10 +231,10 @@ def figure_class() -> type[Figure]:
 
 @contextmanager
 def _style(**more: object) -> Iterator[None]:
-    """Matplotlib's settings: ours over its own, the user's style over ours, and more.
+    """Set matplotlib: ours over its own settings, the user's style over ours, `more` over all.
 
-    They are the process's. Only one thread at a time changes them, so that none draws with
-    those of another, and the user's own are there again in the end.
+    The settings are those of the whole process. Only one thread at a time changes them, so that
+    none draws with those of another, and the user's own are there again in the end.
     """
     from matplotlib import style
 
@@ -222,7 +246,9 @@ def _style(**more: object) -> Iterator[None]:
 def styled(width: float, height: float) -> Iterator[Figure]:
     """Give a new figure to draw on, in this style whatever the user's own settings are.
 
-    Width and height are in inches, unless `looking` asks for others.
+    Width and height are in inches; a size of the `Look` takes their place. Its title is wrapped
+    at the end, or taken away if the look has none: the title of the figure or, without one, of
+    its only panel.
     """
     new_figure, look = figure_class(), _LOOK.get()
     with _style():
@@ -243,7 +269,7 @@ LITERAL: Mapping[str, Any] = MappingProxyType({"parse_math": False, "usetex": Fa
 
 
 def label(name: str) -> str:
-    """Return a name of strangers as figures have room for it, in printable characters."""
+    """Return a name of strangers in printable characters, cut to `_LONGEST_LABEL`."""
     return shown(name, _LONGEST_LABEL) if name else ""
 
 
@@ -255,7 +281,11 @@ def is_low(figure: Figure) -> bool:
 def beside(
     axes: Axes, point: tuple[float, float], text: str, by: tuple[float, float], colour: str
 ) -> None:
-    """Write text above or below a point of the data, moved right and up by so many points."""
+    """Write text above or below a point of the data.
+
+    The text is moved to the right and upwards by two lengths, `by`, in points: it stands above
+    if the second is positive.
+    """
     where: dict[str, Any] = {"xytext": by, "textcoords": "offset points"}
     axes.annotate(text, point, va="bottom" if by[1] > 0 else "top", color=colour, **where)
 
@@ -263,7 +293,7 @@ def beside(
 def legend(
     figure: Figure, colours: Mapping[str, str], columns: int, above: bool = False
 ) -> None:
-    """Explain colours below or above all panels."""
+    """Explain colours, by their meanings, in some columns below or above all panels."""
     from matplotlib.patches import Patch
 
     patches = [Patch(color=colour, label=name) for name, colour in colours.items()]
@@ -288,6 +318,7 @@ def content(figure: Figure, kind: str) -> bytes:
     """
     one_of("kind of figure", kind, _FORMATS)
     written = io.BytesIO()
+    # Dates would make the bytes differ each time.
     undated: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind]
     # Names of fonts are resolved when a file is written: the settings are those of drawing.
     with _style(**_WRITING), warnings.catch_warnings():
@@ -295,7 +326,7 @@ def content(figure: Figure, kind: str) -> bytes:
         # Names may be in any script; a box is drawn where the font has none of it.
         warnings.filterwarnings("ignore", "Glyph .* missing from")
         try:
-            figure.savefig(written, format=kind, dpi=200, metadata=undated)
+            figure.savefig(written, format=kind, dpi=_DOTS_PER_INCH, metadata=undated)
         except UserWarning:
             allowed = "a size and a style with room for the panels beside their text"
             raise InputError("size of the figure", "too small", allowed) from None

@@ -1,4 +1,9 @@
-"""From where a manipulator is drawn: views in which its joints lie well apart."""
+"""From where a manipulator is drawn: views in which its joints lie well apart.
+
+Some views are tried, and the one is taken whose least *openness* is the largest: the distance
+of joints as they are seen, see `_openness`. Points have the shape (…, 3), in metres, in the
+frame of the base.
+"""
 
 from dataclasses import dataclass
 from itertools import product
@@ -8,17 +13,30 @@ import numpy as np
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator
 
+# Elevations that are tried, in degrees; of equally good ones the first is taken. Larger ones
+# look from farther above.
+_ELEVATIONS_DEG = (20.0, 30.0, 10.0)
+# The step between azimuths that are tried, in degrees. A smaller one may find clearer views,
+# and takes longer.
+_AZIMUTH_STEP_DEG = 10.0
+# The distance of two joints, as a share of the largest one, up to which they are in one place.
+# No view can show these apart.
+_ONE_PLACE = 1e-6
+# The weight of the length at which an axis of length 1 is seen, beside distances of joints in
+# metres. A larger one lets fewer views count in which an axis points to the eye.
+_AXIS_WEIGHT = 0.5
+
 
 @dataclass(frozen=True)
 class View:
-    """Direction towards the eye, degrees: azimuth from x to y, elevation above their plane."""
+    """The direction towards the eye; the projection is parallel."""
 
-    azimuth: float
-    elevation: float
+    azimuth: float  #: Degrees, from x towards y.
+    elevation: float  #: Degrees above the plane of x and y.
 
     @property
     def name(self) -> str:
-        """From where it is, in words."""
+        """From where one looks, in words."""
         other = f"azimuth {self.azimuth:g}°, elevation {self.elevation:g}°"
         return "from above (against z)" if self.elevation == 90 else other
 
@@ -36,7 +54,7 @@ class View:
         return np.asarray(points @ self.frame.T)
 
 
-#: The plane as it is printed: x to the right, y upwards.
+# The view of the plane as it is printed: x to the right, y upwards.
 _PLAN = View(-90.0, 90.0)
 
 
@@ -47,19 +65,24 @@ def clear_views(manipulator: Manipulator) -> tuple[View, ...]:
     """
     if manipulator.task.in_plane:
         return (_PLAN,)
+    azimuths = np.arange(-180.0, 180.0, _AZIMUTH_STEP_DEG)
     pairs = [
         (View(azimuth, elevation), View(azimuth + 90.0, elevation))
-        for elevation, azimuth in product((20.0, 30.0, 10.0), np.arange(-180.0, 180.0, 10.0))
+        for elevation, azimuth in product(_ELEVATIONS_DEG, azimuths)
     ]
     return max(pairs, key=lambda pair: min(_openness(manipulator, view) for view in pair))
 
 
 def _openness(manipulator: Manipulator, view: View) -> float:
-    """Smallest distance seen between joints in two places, or half the shortest axis seen."""
+    """Return how far apart things are seen: the least of distances and weighted axes.
+
+    The distances, metres, are those between joints, and the end effector, that are in two
+    places. Each axis has the length 1, and counts with `_AXIS_WEIGHT` times the length seen.
+    """
     places = np.vstack([manipulator.points, manipulator.end_effector])
     flat = view.project(places)[:, :2]
     apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
     seen = np.linalg.norm(flat[:, None] - flat[None], axis=-1)
-    pairs = apart > 1e-6 * np.max(apart)
+    pairs = apart > _ONE_PLACE * np.max(apart)
     axes = np.linalg.norm(view.project(manipulator.directions)[:, :2], axis=1)
-    return min(float(np.min(seen[pairs], initial=np.inf)), 0.5 * float(np.min(axes)))
+    return min(float(np.min(seen[pairs], initial=np.inf)), _AXIS_WEIGHT * float(np.min(axes)))

@@ -74,7 +74,8 @@ class Chain(Brief):
     motions: tuple[Motion, ...]
     end: Transform  #: The tip's point in the frame that the last motion moves.
     locked_at: tuple[tuple[str, float], ...] = ()  #: Joints that have locked, and where.
-    #: Joints cannot move if their limits are equal or missing. These are given with their
+    #: Joints cannot move if their limits are missing, or not farther apart than
+    #: `LIMIT_TOLERANCE`. These are given with their
     #: positions: they have no column, and are no redundancy.
     immobile: tuple[tuple[str, float], ...] = ()
     #: These joints have limits that the user can hardly mean in radians.
@@ -195,7 +196,8 @@ class Chain(Brief):
             if any(TWO_TURNS < abs(end) < np.inf for end in (joint.lower, joint.upper))
         ]
         named = {
-            "Joints whose limits are equal or missing cannot move and have no column": [
+            "Joints whose limits are missing, or at most"
+            f" {LIMIT_TOLERANCE:g} rad or m apart, cannot move and have no column": [
                 f"{name} at {value:g}" for name, value in self.immobile
             ],
             "Limits beyond two turns (±4π rad) may be degrees, but URDF has radians": wide,

@@ -43,14 +43,19 @@ class InDegrees:
         return f"{self.stated!r} in degrees"
 
 
-def far_angles(name: str, radians: Sequence[float]) -> tuple[str, ...]:
-    """Return a sentence on angles of an option that may be degrees, if there are some."""
+def far_angles(
+    name: str, radians: Sequence[float], remedy: str = "--angles deg states them"
+) -> tuple[str, ...]:
+    """Return a sentence on angles that may be degrees, and the remedy, if there are some.
+
+    The name is of the option or the argument.
+    """
     far = [f"{angle:g}" for angle in radians if abs(angle) > _TWO_TURNS_RAD]
     if not far:
         return ()
     return (
-        f"Angles of {name} beyond two turns (±4π rad) may be degrees, which --angles deg"
-        f" states: {', '.join(far)}.",
+        f"Angles of {name} beyond two turns (±4π rad) may be degrees ({remedy}):"
+        f" {', '.join(far)}.",
     )
 
 

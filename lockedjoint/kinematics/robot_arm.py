@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.kinematics.chain import LARGEST, Chain
+from lockedjoint.kinematics.chain import LARGEST, LIMIT_TOLERANCE, Chain
 from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.kinematics.worst_cases import smooth_worst_cases, worst_cases
@@ -50,7 +50,9 @@ class RobotArm(ScaledChain):
         m, n = self.shape
         if n <= m:
             names = ", ".join(self.chain.names)
-            names += "".join(f"; {name} cannot move" for name, _ in self.chain.immobile)
+            apart = f"limits missing, or at most {LIMIT_TOLERANCE:g} rad or m apart"
+            still = [f"{name} cannot move: {apart}" for name, _ in self.chain.immobile]
+            names = "; ".join([names, *still])
             raise InputError(
                 f"free joints between {self.chain.base} and {self.chain.tip}",
                 f"{n} ({names})",

@@ -1,4 +1,7 @@
-"""From where an arm stands to the beginning of its path: a way of the joints."""
+"""From where an arm stands to the beginning of its path: a way of the joints.
+
+Configurations have the shape (n,), n joints in radians, those of sliders in metres.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +14,13 @@ from lockedjoint.clearance.link_clearance import Closest, LinkClearance
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.paths.connecting import Connector
+from lockedjoint.paths.connecting import Connector, Limit
 
-# RRT-Connect looks for a way around links so long, in seconds.
-_SEARCH_S = 5.0
-# Configurations that are so near are the same.
+# RRT-Connect looks for a way around links with at most this number of random samples. More find
+# ways through narrower gaps; a search that finds none takes longer, about 10 s with a cell.
+_MOST_SAMPLES = 400
+# Configurations are the same if no joint differs by as much as this: far more than rounding,
+# and far less than a joint can be told to move.
 _SAME_M_OR_RAD = 1e-9
 
 
@@ -76,6 +81,18 @@ class Approach:
         return f"{kind}; {moved}; {checked}"
 
 
+def whole_turns(chain: Chain, start: FloatArray, first: FloatArray) -> FloatArray:
+    """Return whole turns, rad, which added to `first` bring it nearest to `start`, shape (n,).
+
+    Only joints without limits, after a turn of which all is as it was, are turned: by the
+    multiple of 2π next to start - first, so that they move by at most half a turn.
+    """
+    lower, upper = chain.limits
+    turning = chain.turning & np.isneginf(lower) & np.isposinf(upper)
+    turn = 2 * np.pi
+    return np.where(turning, turn * np.round((start - first) / turn), 0.0)
+
+
 def approach(
     chain: Chain,
     start: FloatArray,
@@ -104,7 +121,7 @@ def approach(
     Raises
     ------
     NoApproachError
-        If no way was found in five seconds.
+        If no way was found with `_MOST_SAMPLES` random samples.
     MissingLibraryError
         If ompl, which looks for ways around links, is needed and not installed.
     """
@@ -112,11 +129,11 @@ def approach(
     if np.max(np.abs(first - start)) < _SAME_M_OR_RAD:
         corners: FloatArray | None = first[None]
     else:
-        corners = connector.way(start, first[None], _SEARCH_S, seed)
+        corners = connector.way(start, first[None], Limit(samples=_MOST_SAMPLES), seed)
     if corners is None:
         allowed = (
-            "a configuration from which RRT-Connect finds a way to the first waypoint in"
-            f" {_SEARCH_S:g} s, with links apart"
+            "a configuration from which RRT-Connect finds a way to the first waypoint with"
+            f" {_MOST_SAMPLES} samples, with links apart"
         )
         raise NoApproachError("q", "without a way to the first waypoint", allowed)
     motion = connector.motion

@@ -1,12 +1,17 @@
 """Ways between configurations: a straight line of the joints, or RRT-Connect around links.
 
-Links keep their distance at the corners of a way and everywhere between, see `ClearMotion`.
+Configurations have the shape (n,), n joints in radians, those of sliders in metres. A way has
+K corners, shape (K, n), and the joints move evenly from one to the next. Links keep their
+distance at the corners and everywhere between, see `ClearMotion`.
 """
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -19,6 +24,42 @@ from lockedjoint.nlp.arrays import FloatArray
 
 # A joint without limits may be planned to go this far to each side of both ends: a turn.
 _BEYOND_M_OR_RAD = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Limit:
+    """When RRT-Connect gives up: after so many random samples, or so many seconds.
+
+    A number of samples is the same on every machine. Seconds, of a clock on the wall, are for
+    a user who states them: what is found then depends on how fast and how busy a machine is.
+    """
+
+    samples: int | None = None
+    seconds: float | None = None
+
+    def condition(self) -> Callable[[], bool]:
+        """Return what RRT-Connect asks before each sample: whether it has to end.
+
+        The time begins now.
+        """
+        asked = count()
+        end = 0.0 if self.seconds is None else time.monotonic() + self.seconds
+
+        def is_over() -> bool:
+            if self.samples is not None and next(asked) >= self.samples:
+                return True
+            return self.seconds is not None and time.monotonic() >= end
+
+        return is_over
+
+    def __str__(self) -> str:
+        """Say the limit with its unit."""
+        parts = []
+        if self.samples is not None:
+            parts.append(f"{self.samples} samples")
+        if self.seconds is not None:
+            parts.append(f"{self.seconds:g} s")
+        return " or ".join(parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,22 +85,26 @@ class Connector:
         return ClearMotion(self.clearance, self.chain, kept=True)
 
     def way(
-        self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
+        self, start: FloatArray, ends: FloatArray, limit: Limit, seed: int
     ) -> FloatArray | None:
         """Return corners of a way from the start to one of some free ends, shape (K, n).
 
-        None if RRT-Connect finds none in so many seconds.
+        `ends` has the shape (E, n). None if RRT-Connect finds none within the limit.
         """
         for end in ends:
             if self.is_line_free(start, end):
                 return np.stack([start, end])
-        corners = self.rrt_connect(start, ends, seconds, seed)
+        corners = self.rrt_connect(start, ends, limit, seed)
         return None if corners is None else self._shortened(corners)
 
     def rrt_connect(
-        self, start: FloatArray, ends: FloatArray, seconds: float, seed: int
+        self, start: FloatArray, ends: FloatArray, limit: Limit, seed: int
     ) -> FloatArray | None:
-        """Return corners of a way by OMPL's RRT-Connect, None if there is none in time."""
+        """Return corners of a way by OMPL's RRT-Connect, (K, n), or None.
+
+        It ends without a way where the limit ends it. One seed gives one answer on every
+        machine, however busy, if the limit is a number of samples.
+        """
         ompl = library("ompl.base", "ompl.geometric", "ompl.util")
         base, geometric = ompl.base, ompl.geometric
         ompl.util.setLogLevel(ompl.util.LOG_NONE)
@@ -103,7 +148,7 @@ class Connector:
             goals.addState(state_of(end))
         task.setGoal(goals)
         task.setPlanner(geometric.RRTConnect(information))
-        task.solve(seconds)
+        task.solve(base.PlannerTerminationCondition(limit.condition()))
         if not task.haveExactSolutionPath():
             return None
         return np.array([point(state) for state in task.getSolutionPath().getStates()])

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from lockedjoint.formulations import max_min, measures
 from lockedjoint.formulations.bounds.certified import best_known
 from lockedjoint.formulations.bounds.unequal_failures import assess_failures
+from lockedjoint.formulations.io.table import written
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, as_floats, one_blas_thread
@@ -128,13 +129,12 @@ class RobotAssessment:
 
     def _repr_html_(self) -> str:
         """Return the line and what the worst failures leave, for notebooks."""
-        import pandas as pd
-
-        rows = [
-            {"locked": printable(", ".join(one.joints)), "σ left": one.sigma}
+        cells = [
+            [printable(", ".join(one.joints)), f"{one.sigma:.6f}"]
             for one in self.by_failure[:_SHOWN_FAILURES]
         ]
-        return f"<p>{escape(repr(self))}</p>{pd.DataFrame(rows).to_html(index=False, border=0)}"
+        table = written(cells, ["locked", "σ left"], "html")
+        return f"<p>{escape(repr(self))}</p>{table}"
 
 
 @one_blas_thread()

@@ -8,9 +8,16 @@ G; no member but the identity leaves any arrangement as it is, hence the number 
 manipulators is the number of arrangements divided by |G|.
 
 Letters: n joints, N arrangements, f joints that a flip moves. An arrangement is an *order*,
-which joint comes first, second, …, counted from 0, and a *flip* for each place, see
-`Manipulator.arranged`. The *place* of an axis is its offset from the end effector; the *kind*
-of a joint is 0 or 1 (revolute, prismatic), and 2 more if a flip moves it.
+which joint comes first, second, …, counted from 0, and a *flip* for each joint in this order:
+true if the joint's axis is turned round and, if it is a revolute one of a planar or positional
+task, reflected through the end effector besides, see `Manipulator.arranged`. Orders have the
+shape (N, n), int64, and flips (N, n), bool. The *place* of an axis is the offset of its nearest
+point from the end effector, in metres, or in shares of the manipulator's size where the search
+for symmetries needs it. The *kind* of a joint is 0 or 1 (revolute, prismatic), and 2 more if a
+flip moves it.
+
+The group is found by a search over joints 0, 1, …: a *part* has the images of the first few of
+them, and is kept if all inner products of places and directions are as before.
 """
 
 from __future__ import annotations
@@ -28,17 +35,19 @@ from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.synthesis.manipulator import Manipulator, TaskRows
 
-# Difference of lengths, in shares of the manipulator's size, and of cosines, up to which they
-# are equal.
+# Difference up to which inner products of places (in shares of the manipulator's size) and of
+# directions are equal. With a larger one, arms that are nearly symmetric count as symmetric.
 _EQUAL = 1e-6
-# Factor by which a rotation may miss that: it is fitted to all axes at once.
+# Factor by which a coordinate of an image may miss that, as the rotation is fitted to all axes
+# at once.
 _ROTATION_SLACK = 10
 # Distance of an axis from the end effector, in shares of the size, up to which it passes
 # through.
 _THROUGH_TIP = 1e-9
 # Largest number of partial members of a group side by side: beyond it symmetries are not known.
 _MOST_PARTS = 5_000
-# Type of the images of the first few axes: the axis, and the signs of its place and direction.
+# Type of a part: for each of the first few axes, the axis that it is carried to, and the signs,
+# 1 or -1, of that one's place and direction.
 _Part = tuple[tuple[int, int, int], ...]
 
 
@@ -46,13 +55,15 @@ _Part = tuple[tuple[int, int, int], ...]
 class Arrangements:
     """Arrangements of a manipulator's joints, see `Manipulator.arranged`."""
 
-    orders: IntArray  #: Shape (N, n).
-    flips: BoolArray  #: Of the joints in these orders, shape (N, n).
+    orders: IntArray  #: Joints from base to tip, counted from 0, shape (N, n).
+    flips: BoolArray  #: Whether each joint in these orders is flipped, shape (N, n).
 
     def __len__(self) -> int:
+        """Return N."""
         return len(self.orders)
 
     def __getitem__(self, chosen: npt.ArrayLike | slice) -> Arrangements:
+        """Return some arrangements, by a slice, their numbers or truth values, shape (N,)."""
         which = chosen if isinstance(chosen, slice) else np.asarray(chosen)
         return Arrangements(self.orders[which], self.flips[which])
 
@@ -66,7 +77,8 @@ class Family(JointAxes):
 
     task: TaskRows  #: That of the manipulator they came from.
     size: float  #: Its size, see `Manipulator.size`.
-    speeds: FloatArray  #: As `Manipulator.speeds`, shape (N, n).
+    #: Metres by which a prismatic joint moves per unit of its position, shape (N, n).
+    speeds: FloatArray
     columns: IntArray  #: Column of the Jacobian that each joint contributes, shape (N, n).
 
     def arms(self) -> Iterator[Manipulator]:
@@ -85,7 +97,7 @@ class Family(JointAxes):
 
 
 def family(manipulator: Manipulator, arrangements: Arrangements | None = None) -> Family:
-    """Return the geometry of arrangements of a manipulator: of it alone if left out."""
+    """Return the geometry of N arrangements of a manipulator: of itself, N = 1, if left out."""
     if arrangements is None:
         n = manipulator.joints
         arrangements = Arrangements(np.arange(n)[None], np.zeros((1, n), dtype=bool))
@@ -117,10 +129,11 @@ def count(manipulator: Manipulator) -> int:
 
 
 def every(manipulator: Manipulator) -> Arrangements:
-    """Return all n!·2ᶠ arrangements, in lexicographic order."""
+    """Return all n!·2ᶠ arrangements, in lexicographic order of orders, flips by joint."""
     n, free = manipulator.joints, flippable(manipulator)
     orders = np.array(list(permutations(range(n))), dtype=np.int64)
     choices = [(False, True) if can else (False,) for can in free]
+    # These flips are those of joints 0, 1, …; at the end they are put in the joints' order.
     flips = np.array(list(product(*choices)), dtype=bool)
     repeated = np.repeat(orders, len(flips), axis=0)
     tiled = np.tile(flips, (len(orders), 1))
@@ -130,7 +143,8 @@ def every(manipulator: Manipulator) -> Arrangements:
 def symmetries(manipulator: Manipulator) -> Arrangements | None:
     """Return the group G, or None if the search for it passes `_MOST_PARTS` partial members.
 
-    A member carries axis i to axis ``orders[i]``, or to its reflection where ``flips[i]``.
+    Each of its N members, one row, carries axis i to axis ``orders[i]``, or to its reflection
+    through the end effector where ``flips[i]``.
     """
     places, axes = _places(manipulator) / manipulator.size, manipulator.directions
     kind = manipulator.prismatic + 2 * flippable(manipulator)
@@ -151,10 +165,13 @@ def symmetries(manipulator: Manipulator) -> Arrangements | None:
 def distinct(arrangements: Arrangements, group: Arrangements | None) -> Arrangements:
     """Return the first, lexicographically, of each set of identical arrangements.
 
-    Without a group, as `symmetries` has it for too many members, all arrangements are kept.
+    Of N arrangements of all joints, and of the group G. An arrangement stays if no member of G
+    leads to one that comes before it. Without a group, None as `symmetries` returns where it is
+    too large, all arrangements stay.
     """
     if group is None:
         return arrangements
+    # `own` has the numbers of the arrangements that are left, see `_code`.
     rest, own = arrangements, _code(arrangements.orders, arrangements.flips)
     for images, flips in zip(group.orders, group.flips, strict=True):
         first = own <= _code(images[rest.orders], rest.flips ^ flips[rest.orders])
@@ -163,7 +180,7 @@ def distinct(arrangements: Arrangements, group: Arrangements | None) -> Arrangem
 
 
 def _places(manipulator: Manipulator) -> FloatArray:
-    """Return offsets of axes from the end effector, (n, 3), orthogonal to the axes.
+    """Return the places of the axes, shape (n, 3), in metres, orthogonal to the axes.
 
     They are 0 for prismatic joints, of which only the direction counts.
     """
@@ -174,14 +191,15 @@ def _places(manipulator: Manipulator) -> FloatArray:
 
 
 def _extended(part: _Part, places: FloatArray, axes: FloatArray, kind: IntArray) -> list[_Part]:
-    """Return all choices of the next axis' image that keep distances and angles.
+    """Return a part with one axis more, for each image of that axis which keeps inner products.
 
-    Places and axes have the shape (n, 3), and kinds (n,).
+    Places and axes (directions) have the shape (n, 3), and kinds (n,). Both senses of the
+    image are tried, as axes are lines, and the reflected place where a flip moves the joint.
     """
     new = len(part)
     taken = {image for image, _, _ in part}
     before = np.vstack([places[: new + 1], axes[: new + 1]])
-    # Only inner products with the new axis can be new.
+    # Only inner products with the new axis, its place and its direction, can be new.
     pair = [new, 2 * new + 1]
     longer_parts = []
     for image in range(len(axes)):
@@ -205,7 +223,9 @@ def _carried(part: _Part, places: FloatArray, axes: FloatArray) -> FloatArray:
 def _is_rotation(part: _Part, places: FloatArray, axes: FloatArray) -> bool:
     """Whether a proper rotation carries the axes to their images.
 
-    It is the best one in least squares, by the singular value decomposition (Kabsch's method).
+    The rotation is the best one in least squares, by the singular value decomposition (Kabsch's
+    method). A part with all n axes may keep all inner products and be a reflection, whose
+    determinant is −1: no proper rotation fits it.
     """
     before, after = np.vstack([places, axes]), _carried(part, places, axes)
     u, _, vt = np.linalg.svd(after.T @ before)
@@ -214,7 +234,10 @@ def _is_rotation(part: _Part, places: FloatArray, axes: FloatArray) -> bool:
 
 
 def _code(orders: IntArray, flips: BoolArray) -> IntArray:
-    """Return a number for each arrangement, shape (N,), ascending in lexicographic order."""
+    """Return a number for each arrangement, shape (N,), ascending in lexicographic order.
+
+    Its digits in the base 2n are 2·joint + flip, from the base to the tip.
+    """
     n = orders.shape[1]
     powers = (2 * n) ** np.arange(n - 1, -1, -1, dtype=np.int64)
     return np.asarray((2 * orders + flips) @ powers)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lockedjoint.formulations.io.table import written
 from lockedjoint.kinematics.geometry import BoolArray, IntArray, homogeneous
 from lockedjoint.kinematics.joint_axes import JointAxes
 from lockedjoint.nlp.arrays import FloatArray, as_floats
@@ -212,14 +213,14 @@ class Manipulator(JointAxes):
 
     def _repr_html_(self) -> str:
         """Return the line and the axes, for notebooks."""
-        import pandas as pd
-
-        names = [*(f"axis {c}" for c in "xyz"), *"xyz"]
-        axes = pd.DataFrame(np.hstack([self.directions, self.points]), columns=names)
-        axes.insert(0, "kind", self.kinds)
-        axes.insert(0, "column", self.columns)
-        table = axes.to_html(border=0, float_format="{:.6f}".format)
-        return f"<p>{escape(repr(self))}</p>{table}"
+        heads = ["joint", "column", "kind", *(f"axis {c}" for c in "xyz"), *"xyz"]
+        numbers = np.hstack([self.directions, self.points])
+        rows = zip(range(self.joints), self.columns, self.kinds, numbers, strict=True)
+        cells = [
+            [str(joint), str(column), kind, *(f"{number:.6f}" for number in row)]
+            for joint, column, kind, row in rows
+        ]
+        return f"<p>{escape(repr(self))}</p>{written(cells, heads, 'html')}"
 
     def _checked(self, displacements: npt.ArrayLike | None) -> FloatArray:
         """Return q, shape (…, n); 0 if left out. InputError if it is no such array."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,9 +36,6 @@ from lockedjoint.synthesis.family import (
 from lockedjoint.synthesis.local_search import search
 from lockedjoint.synthesis.manipulator import Manipulator
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 # Largest number of arrangements that are all tried: 8! orders fit, and 6!·2⁶ with flips. With
 # more, a local search looks at some of them.
 _EXHAUSTIVE = 50_000
@@ -62,19 +58,24 @@ class Ranking:
     arrangements: Arrangements  #: Those that were judged in full, N of them, the best first.
     values: FloatArray  #: Their values by the criterion, shape (N,).
 
-    def table(self) -> pd.DataFrame:
+    def rows(self) -> list[dict[str, object]]:
         """Return a row for each: its rank, columns from base to tip, signs, and value."""
-        import pandas as pd
-
-        orders, flips = self.arrangements.orders.tolist(), self.arrangements.flips
-        columns = {
-            "rank": range(1, len(orders) + 1),
-            "order": [" ".join(map(str, order)) for order in orders],
-            "signs": ["".join(row) for row in np.where(flips, "-", "+")],
-            "criterion": self.criterion,
-            "value": self.values,
-        }
-        return pd.DataFrame(columns)
+        arranged = zip(
+            self.arrangements.orders.tolist(),
+            np.where(self.arrangements.flips, "-", "+"),
+            self.values.tolist(),
+            strict=True,
+        )
+        return [
+            {
+                "rank": k + 1,
+                "order": " ".join(map(str, order)),
+                "signs": "".join(signs),
+                "criterion": self.criterion,
+                "value": value,
+            }
+            for k, (order, signs, value) in enumerate(arranged)
+        ]
 
 
 def rank(

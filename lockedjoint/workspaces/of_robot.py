@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.chain import Chain, check_named
-from lockedjoint.kinematics.in_degrees import InDegrees
+from lockedjoint.kinematics.in_degrees import InDegrees, far_angles
 from lockedjoint.kinematics.serial_chain import (
     Ranges,
     is_planar,
@@ -124,8 +124,10 @@ def workspace(
             progress=choosing if sets is None else progress,
             sets=sets,
         )
-    if sets is not None:
-        return measured(sets, ranges, measuring)
+    if sets is not None and orientation is not None:
+        stated = as_floats("orientation", orientation).tolist()
+        notes = far_angles("orientation", stated, "multiply by π/180")
+        return replace(measured(sets, ranges, measuring), notes=notes)
     return workspace_of(arm, ranges, edge, step, measuring, given.apart, chosen.seed)
 
 

@@ -79,6 +79,8 @@ class Workspace:
         form.
     sets
         The reachable sets.
+    notes
+        What to check in what was asked for, one sentence each.
     """
 
     arm: Chain
@@ -92,6 +94,7 @@ class Workspace:
     critical: tuple[str, ...]
     passed: tuple[float, ...]
     sets: FailureSets
+    notes: tuple[str, ...] = ()
 
     @property
     def voxels(self) -> Bits:

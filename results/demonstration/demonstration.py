@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from lockedjoint.formulations.io.escaping import frame_csv
+from lockedjoint.formulations.io.escaping import rows_csv
 from lockedjoint.formulations.io.files import write_bytes, write_json, write_text
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.arrays import FloatArray
@@ -158,7 +158,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[TrajectoryRow]:
             effort.progress(f"failure {len(ends) // 2 + 1} of {count}")
             ends.append(job.result())
     failures = pd.DataFrame(ends)
-    write_text(folder / "failures.csv", frame_csv(failures))
+    write_text(folder / "failures.csv", rows_csv(ends))
     for name in tracks:
         yield row_of(name, failures[failures.trajectory == name])
     for end, other in zip(ends[::2], ends[1::2], strict=True):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lockedjoint.figures.figures import FIGURES
-from lockedjoint.formulations.io.escaping import frame_csv
+from lockedjoint.formulations.io.escaping import rows_csv
 from lockedjoint.formulations.io.files import write_text
 from lockedjoint.formulations.solving.effort import Effort
 from results.script import main, save, study_of
@@ -48,12 +48,12 @@ def compute(effort: Effort, folder: Path) -> Iterator[FigureRow]:
         picture = kind.make(replace(effort, starts=starts))
         files = f"{name}.svg", f"{name}.csv"
         save(picture.figure, folder / files[0])
-        write_text(folder / files[1], frame_csv(picture.table))
+        write_text(folder / files[1], rows_csv(picture.rows))
         where = f"results/figures/{name}"
         command = f"lockedjoint figure {name} --out {where}.svg --out {where}.csv"
         if starts != kind.starts:
             command += f" --starts {starts}"
-        yield FigureRow(name, *files, len(picture.table), starts, command)
+        yield FigureRow(name, *files, len(picture.rows), starts, command)
 
 
 STUDY = study_of(

@@ -13,6 +13,7 @@ import pytest
 
 import lockedjoint as lj
 from lockedjoint.recovery import failures
+from lockedjoint.workspaces import workspace_size
 from tests import made_robots as made
 
 OPENED = list[str]()
@@ -55,7 +56,8 @@ COMMANDS = (
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_every_command_reads_the_file_once(lockedjoint, file, line):
+def test_every_command_reads_the_file_once(lockedjoint, file, line, monkeypatch):
+    monkeypatch.setattr(workspace_size, "_SAMPLE_POINTS", 10)
     if "--clearance" in line:
         pytest.importorskip("coal")
         boxes = made.with_shapes(file.read_text(), range(1, 8), BOX)

@@ -7,10 +7,11 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from unittest.mock import Mock
 
 import casadi as ca
 import numpy as np
@@ -107,6 +108,73 @@ def test_multistart_names_the_start_that_kills(tmp_path):
     judge = partial(mischief, folder=tmp_path, kind="die", bad=3, once=False)
     with pytest.raises(WorkerError, match="Start 3 ended its process"):
         multistart(parabola, sample, starts=12, workers=2, judge=judge)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_waits_until_a_call_is_known_to_be_under_way(number, monkeypatch):
+    """Else a shutdown would not wait for it, and the pool's thread end with a traceback."""
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        with LocalExecutor(1) as executor:
+            executor.submit(int).result()
+            pool = executor._started()
+            submit = pool.submit
+
+            def interrupted(*call):
+                future = submit(*call)
+                signal.raise_signal(number)
+                return future
+
+            monkeypatch.setattr(pool, "submit", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                executor.submit(time.sleep, 60)
+            assert len(executor._under_way) == 1
+            monkeypatch.undo()
+    finally:
+        signal.signal(number, before)
+
+
+def test_a_shutdown_waits_until_the_pool_has_seen_that_a_call_is_cancelled():
+    """An interrupt right after a call was submitted cancels it before that."""
+    call, seen = Future(), []
+    executor = LocalExecutor(1)
+    executor._pool = Mock(
+        submit=Mock(return_value=call),
+        shutdown=lambda **_: seen.append(wait([call], 0).done),
+    )
+    executor.submit(int)
+    call.cancel()
+    threading.Timer(0.1, call.set_running_or_notify_cancel).start()
+    executor.shutdown()
+    assert seen == [{call}]
+
+
+def test_an_interrupt_within_a_submission_leaves_no_call_unseen(monkeypatch):
+    """Before the pool's thread is woken; at the shutdown it would end with a KeyError."""
+    heard = []
+
+    def interrupted():
+        if heard:
+            return wakeup()
+        heard.append(True)
+        raise KeyboardInterrupt
+
+    with LocalExecutor(1) as executor:
+        executor.submit(int).result()
+        thread = executor._pool._executor_manager_thread_wakeup
+        wakeup = thread.wakeup
+        monkeypatch.setattr(thread, "wakeup", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            executor.submit(int)
+        executor.shutdown()
+
+
+def test_a_worker_ends_with_sigterm():
+    """Which is blocked while it starts."""
+    with LocalExecutor(1) as executor:
+        worker = psutil.Process(executor.submit(os.getpid).result())
+        worker.terminate()
+        assert worker.wait(timeout=60) is not None or not worker.is_running()
 
 
 def slow_parabola():

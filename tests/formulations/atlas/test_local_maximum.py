@@ -96,7 +96,11 @@ FAMILIES = [*(page for page in SMALL if page.family), page_of(entry("unit-revolu
 @pytest.mark.parametrize("page", [*FAMILIES, PAGES[-1]], ids=lambda page: page.entry.name)
 def test_families_and_other_formulations_are_refused(page):
     assert not page.locally_optimal
-    assert "locally optimal" in problem_of(replace(page, locally_optimal=True))
+    assert "locally optimal" in _problem_of_optimum(replace(page, locally_optimal=True))
+
+
+def test_a_page_with_a_mark_that_it_has_not_is_refused():
+    assert "locally optimal" in problem_of(replace(PAGES[-1], locally_optimal=True))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,5 +1,6 @@
 """Bounds of the atlas are proved anew; what is lowered or altered is refused."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,37 +18,43 @@ from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import FileError
 
 CERTIFICATES = Path(__file__).parents[3] / "results/bounds/certificates"
-PAGES = {page: page.entry.bound for page in read_atlas()}
-CLOSED = [page for page, bound in PAGES.items() if bound.kind == "closed form"]
+PAGES = {page.entry.name: page for page in read_atlas()}
 PROVER = BoundProver(CERTIFICATES)
 
 
-def named(page):
-    return page.entry.name
-
-
-@pytest.mark.parametrize("page", CLOSED, ids=named)
-def test_a_closed_form_holds_and_nothing_lower_does(page):
-    bound = PAGES[page]
-    PROVER.prove(page, bound)
-    for lost in (1e-12, 1e-9, 1e-4):
-        with pytest.raises(CertificateError, match=r"not proved|above"):
-            PROVER.prove(page, replace(bound, value=bound.value * (1 - lost)))
-
-
-@pytest.mark.parametrize("page", list(PAGES)[::3], ids=named)
-def test_a_bound_below_the_value_is_refused(page):
-    bound = replace(PAGES[page], value=float(page.value) - 2e-9)
-    with pytest.raises(CertificateError, match="above the bound"):
+def refused(page, bound, words):
+    """Whether a bound is refused in such words."""
+    try:
         PROVER.prove(page, bound)
+    except CertificateError as error:
+        return re.search(words, str(error)) is not None
+    return False
 
 
-def test_all_are_proved_bounds():
-    assert all(bound.certified for bound in PAGES.values())
+def test_closed_forms_hold_and_nothing_lower_does(bounds):
+    closed = [name for name, bound in bounds.items() if bound.kind == "closed form"]
+    assert len(closed) > 160
+    for name in closed:
+        page, bound = PAGES[name], bounds[name]
+        PROVER.prove(page, bound)
+        for lost in (1e-12, 1e-9, 1e-4):
+            lower = replace(bound, value=bound.value * (1 - lost))
+            assert refused(page, lower, "not proved|above"), (name, lost)
 
 
-def test_the_pages_say_of_each_kind_what_proves_it():
-    assert {bound.kind for bound in PAGES.values()} == set(EVIDENCE)
+def test_a_bound_below_the_value_is_refused(bounds):
+    for name, page in list(PAGES.items())[::3]:
+        lower = replace(bounds[name], value=float(page.value) - 2e-9)
+        assert refused(page, lower, "above the bound"), name
+
+
+def test_all_are_proved_bounds(bounds):
+    assert bounds.keys() == PAGES.keys()
+    assert all(bound.certified for bound in bounds.values())
+
+
+def test_the_pages_say_of_each_kind_what_proves_it(bounds):
+    assert {bound.kind for bound in bounds.values()} == set(EVIDENCE)
     files = [line.split("results/bounds/certificates/")[-1] for line in EVIDENCE.values()]
     held = [path.name for path in CERTIFICATES.iterdir()]
     assert sum(line.startswith(tuple(held)) for line in files) == 3
@@ -59,7 +66,7 @@ PLANAR = ("free-mean_2x6_k3", "free-mean_2x6_k2_manipulability", "free-mean_2x6_
 @pytest.mark.parametrize("name", PLANAR)
 def test_a_planar_bound_is_searched_again(name, monkeypatch):
     page = page_of(entry(name))
-    PROVER.prove(page, PAGES.get(page, page.entry.bound))
+    PROVER.prove(page, page.entry.bound)
     monkeypatch.setattr(proved_bounds, "_MOST_NODES", 100)
     with pytest.raises(CertificateError, match="not proved"):
         PROVER.prove(page, page.entry.bound)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import lockedjoint as lj
 from lockedjoint.formulations import condition, measures
 from lockedjoint.formulations.atlas.entry import Entry
-from lockedjoint.formulations.atlas.proved_bounds import closed_form_proves
+from lockedjoint.formulations.atlas.proved_closed_forms import closed_form_proves
 from lockedjoint.formulations.bounds.certified import largest_worst_case, planar_on_record
 
 GOLDEN = (1 + sqrt(5)) / 2

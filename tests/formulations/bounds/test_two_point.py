@@ -23,8 +23,10 @@ RECORD = json.loads(
 
 
 @pytest.mark.slow
-def test_six_lines_in_space_are_met_and_on_record():
+def test_six_lines_in_space_are_met_and_on_record(monkeypatch):
     """The mean over failures is attained there, so nothing sharper can be true."""
+    # The third round and those after it gain less than the tolerances below.
+    monkeypatch.setattr(two_point, "ROUNDS", 2)
     icosahedron, exact = two_point_bound(3, 6), measures.sigma_bound(3, 6, 6, 2)
     assert exact <= icosahedron.singular_value_bound <= exact * 1.005
     [same] = [one for one in RECORD if (one["task_dimension"], one["joints"]) == (3, 6)]

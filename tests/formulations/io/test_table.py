@@ -3,14 +3,16 @@
 import csv
 import io
 import json
+import re
 import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import pytest
 
 from lockedjoint.formulations.io import table
+from lockedjoint.formulations.io.escaping import rows_csv
 from lockedjoint.formulations.io.table import HIDDEN, Table, column, read_rows
 from lockedjoint.nlp.errors import FileError
 
@@ -68,6 +70,24 @@ def test_markdown_shows_headings_forms_scales_and_dashes():
     assert " – |" in second
     assert " 0.00" in second, "no negative zero"
     assert "Solved" not in first
+
+
+def test_latex_has_commands_for_letters_and_symbols_that_pdflatex_does_not_know():
+    names = ("[1pt]", "σ ≤ √π", "[2pt]", "*")
+    rows = [replace(ROWS[0], name=name, note="a_b & 50 %") for name in names]
+    body = Table(Row, rows).latex()
+    assert body.count("{[}") == 2
+    assert not re.search(r"(\\\\|rule)\s*[*\[]", body), "no argument of a rule or a row"
+    assert r"\ensuremath{\sigma} \ensuremath{\le} \ensuremath{\surd}\ensuremath{\pi}" in body
+    assert r"a\_b \& 50 \%" in body
+    assert not set(body) & set("σ≤√π")
+
+
+def test_a_column_of_numbers_with_a_float_in_it_holds_floats():
+    rows = [{"x": 1, "y": 1, "z": None}, {"x": 0.5, "y": None, "z": "a"}, {"y": True}]
+    text = rows_csv([*rows, {"x": float("nan")}])
+    assert text == "x,y,z\n1.0,1,\n0.5,,a\n,True,\n,,\n"
+    assert rows_csv([], ["x", "=y"]) == "x,'=y\n"
 
 
 def test_json_has_null_for_nan():

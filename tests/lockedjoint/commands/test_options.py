@@ -15,6 +15,7 @@ from lockedjoint.commands.bars import Bar
 from lockedjoint.commands.options import described
 from lockedjoint.commands.vocabulary import WORDS
 from lockedjoint.nlp.progress import Step
+from lockedjoint.workspaces import workspace_size
 from tests import made_robots as made
 
 # How many options all commands have at most, help and JSON not counted.
@@ -125,7 +126,8 @@ def folder(tmp_path_factory, lockedjoint):
 
 
 @pytest.mark.parametrize("line", PRINTED)
-def test_what_is_printed_fits_a_terminal(lockedjoint, folder, line):
+def test_what_is_printed_fits_a_terminal(lockedjoint, folder, line, monkeypatch):
+    monkeypatch.setattr(workspace_size, "_SAMPLE_POINTS", 10)
     done = lockedjoint.here(*line.split(), cwd=folder)
     assert done.returncode in (0, 1), done.stderr
     assert done.stdout.strip()

@@ -3,7 +3,6 @@
 from itertools import combinations
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
@@ -25,11 +24,12 @@ from lockedjoint.workspaces.kept_cubes import KeptCubes
 
 SEVEN = arm("unit-revolute", 7).jacobian(arm("unit-revolute", 7).sample(generator(3, 3)))
 WIDE = np.random.default_rng(5).normal(size=(3, 13))
-LABELS = np.repeat([label for label, _ in optima.PROBLEMS], 50)
-ENDS = pd.DataFrame(
-    {"problem": LABELS, "label": LABELS, "counted": np.arange(LABELS.size) % 9 > 0}
-)
-ENDS["worst_case_sigma"] = np.random.default_rng(0).uniform(0.2, 0.6, LABELS.size)
+LABELS = [label for label, _ in optima.PROBLEMS for _ in range(50)]
+SIGMAS = np.random.default_rng(0).uniform(0.2, 0.6, len(LABELS)).tolist()
+ENDS = [
+    {"problem": label, "label": label, "counted": k % 9 > 0, "worst_case_sigma": sigma}
+    for k, (label, sigma) in enumerate(zip(LABELS, SIGMAS, strict=True))
+]
 TIMES, SEVEN_LEFT = np.linspace(0, 10, 30), np.arange(210).reshape(30, 7) % 3 > 0
 TRAJECTORY = Trajectory(np.zeros((30, 7)), SEVEN_LEFT, 0.1 + 0.2 * np.sin(TIMES) ** 2)
 PLAN = dict.fromkeys(PathPlan.__dataclass_fields__) | {

@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lockedjoint.figures import arms, optima, singular_values
@@ -176,7 +177,7 @@ CHECKS |= {"trade-off": trade_off_, "singular-values": of_seven, "optima": of_se
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_number_shown_is_that_of_the_jacobians_drawn(drawn, name):
     picture = drawn[name]
-    allowed = CHECKS[name](picture.figure.axes, picture.table)
+    allowed = CHECKS[name](picture.figure.axes, pd.DataFrame(picture.rows))
     shown = re.findall(r"\d+\.\d+", texts(picture.figure))
     assert shown
     for text in shown:
@@ -199,7 +200,7 @@ def test_printed_forms_whatever_frame_order_and_signs():
 def test_singular_values_are_those_of_the_matrix_without_each_joint():
     matrix = np.random.default_rng(5).normal(size=(3, 5))
     picture = singular_values.make(Effort(), matrix)
-    table = picture.table
+    table = pd.DataFrame(picture.rows)
     for joint in (None, *range(5)):
         rest = matrix if joint is None else np.delete(matrix, joint, axis=1)
         own = table["locked_joint"].isna() if joint is None else table["locked_joint"] == joint

@@ -221,3 +221,14 @@ def test_a_chain_of_more_joints_than_a_robot_has_is_refused(made):
     with pytest.raises(InputError, match="that move l101 is 101; allowed: at most 100"):
         made.chain(joints, "l101")
     assert len(made.chain(joints, "l100").joints) == 100
+
+
+def test_a_joint_of_which_the_limits_are_too_near_each_other_is_said_to_be_immobile(made):
+    near = {"j2": {"limit": 'lower="0.3" upper="0.300000001" effort="1" velocity="1"'}}
+    text = made.urdf(made.serial(["0.1 0.05 0.3"] * 7, (made.AXES * 3)[:7], **near))
+    with pytest.raises(
+        InputError, match="j2 cannot move: limits missing, or at most 1e-06 rad"
+    ):
+        made.arm(text, "l7")
+    notes = made.arm(text, "l7", "position").chain.notes
+    assert "missing, or at most 1e-06 rad or m apart, cannot move" in notes[0]

@@ -8,9 +8,11 @@ import pytest
 import lockedjoint as lj
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.approach import NoApproachError, approach
+from lockedjoint.paths.connecting import Connector, Limit
 from lockedjoint.paths.path_search import PathSearch
+from lockedjoint.paths.search import with_approach
 
-QUICK = PathSearch(samples=6, tracks=8, rounds=1)
+QUICK = PathSearch(samples=5, tracks=4, rounds=1)
 SLIDE = {"kind": "prismatic", "limit": 'lower="-1" upper="1" effort="1" velocity="1"'}
 
 
@@ -58,12 +60,57 @@ def test_a_way_leads_around_what_is_between(gantry):
 def test_no_way_is_said_and_is_no_success(gantry, monkeypatch):
     """Of an arm that cannot rise."""
     pytest.importorskip("ompl", reason="install ompl")
-    monkeypatch.setattr("lockedjoint.paths.approach._SEARCH_S", 0.2)
+    monkeypatch.setattr("lockedjoint.paths.approach._MOST_SAMPLES", 30)
     low = gantry.changed(limits={"j2": (-0.1, 0.1)})
     start, first = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
-    with pytest.raises(NoApproachError, match="without a way to the first waypoint"):
+    with pytest.raises(NoApproachError, match=r"without a way to the first.*with 30 samples"):
         approach(low.chain, start, first, low.apart)
     assert NoApproachError.exit_status == 1
+
+
+def test_how_long_a_way_is_looked_for_does_not_depend_on_the_clock(gantry, monkeypatch):
+    """A number of samples ends the search, and one seed gives one way."""
+    pytest.importorskip("ompl", reason="install ompl")
+    asked = []
+    whole = Limit.condition
+
+    def counted(limit):
+        ends = whole(limit)
+        return lambda: asked.append(ends()) or asked[-1]
+
+    monkeypatch.setattr(Limit, "condition", counted)
+    low = gantry.changed(limits={"j2": (-0.1, 0.1)})
+    start, first = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
+    assert Connector(low.chain, low.apart).way(start, first[None], Limit(samples=9), 0) is None
+    assert asked.count(False) == 9
+    assert asked[-1] is True
+    monkeypatch.setattr("time.monotonic", lambda: pytest.fail("the clock was read"))
+    ways = [approach(gantry.chain, start, first, gantry.apart).configurations for _ in "ab"]
+    np.testing.assert_array_equal(*ways)
+
+
+def test_joints_without_limits_go_the_short_way(made, tmp_path):
+    """The whole plan turns with them, and is the same path of the tool."""
+    kinds = {f"j{k}": {"kind": "continuous"} for k in (0, 3)}
+    joints = made.serial(["0.1 0.05 0.3"] * 5, made.AXES[:5], **kinds)
+    text = made.urdf([*joints, made.joint("mount", "l5", "tool", "fixed")])
+    (tmp_path / "arm.urdf").write_text(text)
+    robot = lj.Robot(tmp_path / "arm.urdf", tip="tool", task="position")
+    begin = robot.chain.tip_at(np.array([[0.3, 0.5, -0.2, 0.6, 0.1]]).T)[0][:, 0]
+    way = lj.ToolPath(np.stack([begin, begin + [0, 0.1, 0]]))
+    found = lj.path(robot, way, QUICK)
+    plain = found.planned
+    turns = 2 * np.pi * np.array([2, 0, 0, -1, 0])
+    near = np.array([0.1, 0.0, 0.1, -0.1, 0.0])
+    plan = with_approach(found, robot, plain.configurations[0] + turns + near, (), 0)
+    assert plan.approach.largest_motion == pytest.approx(0.1)
+    np.testing.assert_allclose(plan.planned.configurations, plain.configurations + turns)
+    np.testing.assert_array_equal(
+        plan.approach.configurations[-1], plan.planned.configurations[0]
+    )
+    np.testing.assert_array_equal(plan.planned.ends, plain.ends)
+    places = [robot.chain.tip_at(each.configurations.T)[0] for each in (plain, plan.planned)]
+    np.testing.assert_allclose(*places, atol=1e-12)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from lockedjoint.paths.search import PathSearch
+from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.survival import survivors
 from results.paths.paths import PATHS
 from tests.made_robots import in_pinocchio

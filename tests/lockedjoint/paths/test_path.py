@@ -18,11 +18,12 @@ from lockedjoint.kinematics.chain_between import chain_between
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.paths import search
+from lockedjoint.paths import planner
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.motion_limits import MotionLimits
+from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import continuations
-from lockedjoint.paths.search import PathSearch, plan_path
+from lockedjoint.paths.search import plan_path
 from lockedjoint.paths.self_motion_map import SelfMotionMap
 from lockedjoint.paths.survival import on_path, survivors
 from lockedjoint.paths.timing import timed
@@ -358,7 +359,7 @@ def test_the_deviation_is_the_largest_anywhere(made):
 def test_the_baseline_is_a_candidate(made, monkeypatch):
     """What is found is never below what is shown beside it."""
     arm = made.arm(made.offset_arm())
-    monkeypatch.setattr(search.Nodes, "best_sequence", worst_sequence)
+    monkeypatch.setattr(planner.Nodes, "best_sequence", worst_sequence)
     plan = plan_path(arm, tool_path(line(arm)), replace(QUICK, rounds=0))
     assert plan.minimum_norm is not None
     assert plan.planned.share >= plan.minimum_norm.share
