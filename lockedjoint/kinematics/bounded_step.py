@@ -87,7 +87,11 @@ def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) 
                 entry += damping
             for k in range(j):
                 entry -= line[k] * (factor[j][k] if j < i else line[k])
-            line.append(np.sqrt(np.maximum(entry, _LEAST_SQUARED_PIVOT)) if i == j else entry / factor[j][j])
+            line.append(
+                np.sqrt(np.maximum(entry, _LEAST_SQUARED_PIVOT))
+                if i == j
+                else entry / factor[j][j]
+            )
         factor.append(line)
         value = missing[i].copy()
         for k in range(i):

@@ -1,8 +1,8 @@
 """A joint without torque and brake: where it hangs, and what would hold it elsewhere.
 
-Pinocchio has the masses and computes torques. Whatever the robot, gravity's torque on one
-revolute joint is A sin(q - q*) while all others stand: q* is its only stable equilibrium. So
-A and q - q* follow from the torque τ = A sin(q - q*) and its slope ∂τ/∂q = A cos(q - q*).
+Pinocchio has the masses and computes torques. Whatever the robot, the torque that holds one
+revolute joint against gravity is τ = A sin(q - q*) while all others stand: q* is its only
+stable equilibrium. So A and q - q* follow from τ and its slope ∂τ/∂q = A cos(q - q*).
 
 q       positions of the chain's n joints, radians or metres, shape (n,) or (n, B) for B.
 q*      where the joint hangs while the others stand, radians: it depends on them.
@@ -104,22 +104,22 @@ class HangingJoint:
         return float(np.hypot(torque, slopes[self.own]))
 
     def hung(self, q: FloatArray) -> FloatArray:
-        """Return a configuration (n,) with the joint where it hangs, at most half a turn away."""
+        """Return a configuration (n,) with the joint where it hangs, half a turn away or less."""
         q = q.copy()
         q[self.own] -= self.off(q[:, None])[0][0]
         return q
 
     def lag(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
-        """Return by what angle, in radians, inertia holds the joint off q*: |τ|/A, for small ones.
+        """Return by what angle in radians inertia holds the joint off q*: |τ|/A if it is small.
 
-        The joint is at q* in q, and τ is the torque that this motion would need there.
+        With the joint at q* in q, τ is the torque that this motion would need there.
         """
         return abs(self._torque(q, speed, acceleration)) / max(
             self.moment(q), _SMALLEST_MOMENT_NM
         )
 
     def falls(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
-        """Return the joint's acceleration without friction and torque, that of the others given.
+        """Return the joint's acceleration without friction and torque, the others' given.
 
         A torque τ would make the accelerations those given, (n,); without it the joint's is
         less by τ/I, where I is the diagonal entry of the mass matrix. All is in rad/s².
@@ -156,7 +156,7 @@ class HangingJoint:
 
 
 def _still(model: Any, known: Mapping[str, float]) -> FloatArray:
-    """Return pinocchio's configuration, (nq,): some joints stand, others are as near 0 as can be."""
+    """Return pinocchio's configuration, (nq,): known joints stand, others as near 0 as can be."""
     import pinocchio as pin
 
     placed = pin.neutral(model)

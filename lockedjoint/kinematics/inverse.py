@@ -120,7 +120,7 @@ def solve_ik(
     free: BoolArray | None = None,
     iterations: int = 6,
 ) -> tuple[FloatArray, BoolArray]:
-    """Move configurations (n, B) to a pose within the limits; say which of them reached it, (B,).
+    """Move configurations (n, B) to a pose within the limits; say which reached it, (B,).
 
     Joints that are free, (n, B) or (n, 1), may move, all by default. There is one pose for all
     or one for each. The argument q is not changed.
@@ -161,7 +161,7 @@ def _descend(
     damping: float,
     largest: float = np.inf,
 ) -> tuple[FloatArray, BoolArray]:
-    """Move configurations (n, B) until what is missing is near none; say which of them are, (B,).
+    """Move configurations (n, B) until what is missing is near none; say which are, (B,).
 
     `limited` shortens moves (n, B), `near` says of e (m, B) which targets are reached, (B,).
     The array q is changed in place, and returned. Configurations that are done move no more.
@@ -219,7 +219,7 @@ class SelfMotionPoses:
 def solve_pose(
     poses: SelfMotionPoses, start: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return configurations (k, n) of the poses near a start, and which ones were found, (k,).
+    """Return configurations (k, n) of the poses near a start, and which were found, (k,).
 
     The start is (k, n); limits are (n,) or (k, n).
     """
@@ -312,9 +312,9 @@ def arcs(
 def _newton_step(
     matrix: FloatArray, missing: FloatArray, tangent: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what leads back to each curve, and its next tangent t⁺, of any length; (k, n) each.
+    """Return what leads back to each curve, and its next tangent t⁺, (k, n) each.
 
-    With the present tangent t both solve linear equations of the square matrix [J; tᵀ]:
+    The length of t⁺ is arbitrary. With the present tangent t both solve linear equations of the square matrix [J; tᵀ]:
     the right side of the correction is (e; 0), so that it is across t, and that of t⁺ is
     (0; 1), so that t⁺ is along the curve and does not turn back.
     """

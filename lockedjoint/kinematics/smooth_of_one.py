@@ -1,7 +1,7 @@
 """The smooth worst case of one configuration, for control loops: all but `eigh` is CasADi.
 
-J is the Jacobian of the task's rows in units of ℓ, (m, n), see `scaled_chain`; j_f is its column
-f; w > 0 is the width, without a unit: s tends to the worst case σ as w tends to 0. With the
+J is the Jacobian of the task's rows in units of ℓ, (m, n), see `scaled_chain`; j_f is column f
+of it; w > 0 is the width, without a unit: s tends to the worst case σ as w tends to 0. With the
 eigenvalues λ_fi and eigenvectors u_fi, i = 1 … m, of M_f = JJᵀ − j_f j_fᵀ, what the failure of
 joint f leaves, σ_fi = √λ_fi and
 
@@ -79,7 +79,7 @@ def smooth_parts(arm: ScaledChain) -> SmoothParts:
 
 
 def _slope(arm: ScaledChain) -> ca.Function:
-    """Return the function from the motions' columns, (6, k), and ∂s/∂J, (m, n), to ∂s/∂q, (n, 1).
+    """Return the function from the motions' columns, (6, k), and ∂s/∂J, (m, n), to ∂s/∂q, (n,).
 
     It is `slope_of_columns` of `worst_cases` in symbols, which says what force and moments are.
     """
@@ -102,9 +102,9 @@ def _slope(arm: ScaledChain) -> ca.Function:
 
 
 def _shares(m: int, n: int) -> ca.Function:
-    """Return the function from eigenvalues and w to p/σ, (mn, 1), and (s, how far from singular).
+    """Return the function from eigenvalues and w to p/σ and (s, how far from singular).
 
-    Eigenvalues are λ_fi, (mn, 1), f by f, in ascending order for each f, as `eigh` returns them.
+    Eigenvalues λ_fi and p/σ are (mn, 1), f by f, ascending for each f, as `eigh` returns them.
     """
     values, width = ca.SX.sym("lambda", m * n), ca.SX.sym("w")
     sigmas = ca.sqrt(ca.fmax(values, _TINY))
