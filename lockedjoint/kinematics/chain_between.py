@@ -165,7 +165,7 @@ def _bodies(
     driven
         What drives each moving joint, by the joint's name.
     variables
-        Places of the chain's free joints, by name: a joint that one of them drives makes a body.
+        Places of the chain's free joints, by name: whatever one of them drives makes a body.
     fixed
         Positions of joints that stand, by name: locked or immobile. Others that are not free
         stand at 0, or at the limit nearest to it.

@@ -104,7 +104,7 @@ class HangingJoint:
         return float(np.hypot(torque, slopes[self.own]))
 
     def hung(self, q: FloatArray) -> FloatArray:
-        """Return a configuration (n,) with the joint where it hangs, half a turn away or less."""
+        """Return q, (n,), with the joint where it hangs, at most half a turn away."""
         q = q.copy()
         q[self.own] -= self.off(q[:, None])[0][0]
         return q
@@ -156,7 +156,7 @@ class HangingJoint:
 
 
 def _still(model: Any, known: Mapping[str, float]) -> FloatArray:
-    """Return pinocchio's configuration, (nq,): known joints stand, others as near 0 as can be."""
+    """Return pinocchio's configuration, (nq,): some joints are known, others near 0."""
     import pinocchio as pin
 
     placed = pin.neutral(model)

@@ -243,7 +243,7 @@ def solve_pose(
 
 
 class Arcs(NamedTuple):
-    """Self-motion curves of k poses, and what the n joints sweep on them; radians or lengths."""
+    """Self-motion curves of k poses, and what the n joints sweep: radians or lengths."""
 
     #: Configurations in order along each curve, shape (k, 2·steps + 1, n): the start in the
     #: middle, and NaN beyond the ends.
@@ -314,9 +314,9 @@ def _newton_step(
 ) -> tuple[FloatArray, FloatArray]:
     """Return what leads back to each curve, and its next tangent t⁺, (k, n) each.
 
-    The length of t⁺ is arbitrary. With the present tangent t both solve linear equations of the square matrix [J; tᵀ]:
-    the right side of the correction is (e; 0), so that it is across t, and that of t⁺ is
-    (0; 1), so that t⁺ is along the curve and does not turn back.
+    Both solve equations of the square matrix [J; tᵀ] with the present tangent t: the right side
+    of the correction is (e; 0), so that it is across t, and that of t⁺ is (0; 1), so that t⁺ is
+    along the curve and does not turn back. The length of t⁺ is arbitrary.
     """
     count, n = tangent.shape
     square = np.concatenate([matrix, tangent[:, None]], axis=1)

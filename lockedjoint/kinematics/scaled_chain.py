@@ -116,7 +116,7 @@ class ScaledChain:
         return self.in_units_of(metric, self.length_of(metric))
 
     def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
-        """Return the Jacobian at numeric positions, in units of another length in metres, (m, n)."""
+        """Return the Jacobian at numeric positions, in units of another length (metres)."""
         check_length("length", length)
         return self.in_units_of(self.metric_jacobian(variables), length)
 
@@ -180,6 +180,6 @@ class ScaledChain:
 
 @lru_cache(maxsize=_CACHED_ARMS)
 def _metric_evaluation(arm: ScaledChain) -> Evaluation:
-    """Return the function from q, (n,), to the metric Jacobian, (6, n), made once for an arm."""
+    """Return the function from q, (n,), to the metric Jacobian, (6, n), of an arm."""
     q = arm.symbols()
     return Evaluation(q, [of_joints(arm.chain, arm.motion_columns(q))])
