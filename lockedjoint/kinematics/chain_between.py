@@ -95,9 +95,9 @@ def chain_between(
         limit, slides = known[name].limit, known[name].type == "prismatic"
         check_limits(name, value, limit.lower, limit.upper, slides)
     moving = [
-        (joint, driver, k, c)
-        for joint, driver, k, c in driven.values()
-        if driver.name not in locked_at and k != 0.0
+        one
+        for one in driven.values()
+        if one.driver.name not in locked_at and one.multiplier != 0.0
     ]
     if len(moving) > MOST_JOINTS:
         count = f"number of joints that move {tip}"
@@ -116,9 +116,9 @@ def chain_between(
         raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
     variables = {driver.name: k for k, driver in enumerate(drivers)}
 
-    for joint, driver, k, c in driven.values():
-        if driver.name in fixed or k == 0.0:
-            value = k * fixed.get(driver.name, 0.0) + c
+    for joint, driver, multiplier, offset in driven.values():
+        if driver.name in fixed or multiplier == 0.0:
+            value = multiplier * fixed.get(driver.name, 0.0) + offset
             ends = joint.limit.lower, joint.limit.upper
             check_limits(joint.name, value, *ends, joint.type == "prismatic")
     base = tree.root if base is None else base

@@ -98,7 +98,7 @@ def _references(model: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _of_pinocchio(model: Any, q: Any) -> State:
-    """Return a configuration of pinocchio, (nq,), by joint; ball and free joints are left out."""
+    """Return a configuration of pinocchio, (nq,), by joint, but for ball and free joints."""
     state = {}
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
         part = q[joint.idx_q : joint.idx_q + joint.nq]

@@ -204,7 +204,7 @@ def _names(named: Any, count: int, kind: str) -> list[str]:
 
 
 def _placed(position: FloatArray, quaternion: npt.ArrayLike = (1, 0, 0, 0)) -> FloatArray:
-    """Return a pose, 4×4, from a position, (3,), and a quaternion (w, x, y, z) of any length."""
+    """Return a pose, 4×4, from a position, (3,), and a quaternion (w, x, y, z), normalised."""
     w, x, y, z = np.divide(quaternion, np.linalg.norm(quaternion)).tolist()
     turn = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
