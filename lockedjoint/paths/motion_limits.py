@@ -102,7 +102,7 @@ def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArr
 
 
 def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
-    """Return limits as an array, (size,); InputError, with their name, if one is not above 0."""
+    """Return limits as an array, (size,); InputError, with their name, if any is 0 or less."""
     limits = finite_vector(name, np.asarray(given, dtype=float), size)
     if not np.all((limits >= _SMALLEST_LIMIT) & (limits <= 1 / _SMALLEST_LIMIT)):
         allowed = f"numbers above 0, from {_SMALLEST_LIMIT:g} to {1 / _SMALLEST_LIMIT:g}"
