@@ -46,9 +46,11 @@ _CONFIGURATIONS_AT_ONCE = 1024
 # Divisors that may be 0 have this added, or are at least this: bounds are then infinite or
 # useless, and no error is raised.
 _TINY = 1e-300
-# A float between these is a right width, as `checked_width` has it. Others are left to that
-# function, whose error says what is wrong: a call of it takes longer than this comparison.
-_LEAST_WIDTH, _LARGEST_WIDTH = 1e-6, 1e6
+# A float from this to the next number is a right width, as `checked_width` has it. Others are
+# left to that function, whose error says what is wrong: calling it takes longer than comparing.
+_LEAST_WIDTH = 1e-6
+# A float that is larger is left to `checked_width`.
+_LARGEST_WIDTH = 1e6
 # The functions of so many arms are kept: with fewer, they are made again more often.
 _CACHED_ARMS = 64
 
