@@ -13,8 +13,11 @@ import numpy as np
 from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
 
-# A joint that is this near to its limit is at it.
+# A joint that is this near to its limit is at it: rounding. A larger one stops joints early.
 _AT_LIMIT_M_OR_RAD = 1e-12
+# A squared pivot of Cholesky's factor is at least this, so that its root is no divisor of 0.
+# A larger one shortens the steps near singular configurations.
+_LEAST_SQUARED_PIVOT = 1e-14
 
 
 def bounded_step(
@@ -47,6 +50,7 @@ def bounded_step(
     """
     at_lower = q <= lower + _AT_LIMIT_M_OR_RAD
     at_upper = q >= upper - _AT_LIMIT_M_OR_RAD
+    # Jᵀe is the direction in which each joint alone would lessen |e|².
     push = np.einsum("mnb,mb->nb", matrix, missing)
     if drift is not None:
         push = push + drift
@@ -66,8 +70,13 @@ def bounded_step(
 
 
 def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) -> FloatArray:
-    """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B): Cholesky, entry by entry."""
+    """Return Jᵀ(JJᵀ + λ)⁻¹e for each of many, shape (n, B), from J, e and λ as above.
+
+    JJᵀ + λ = LLᵀ (Cholesky), Ly = e, Lᵀx = y, and the result is Jᵀx. Each entry of L is an
+    array (B,), so that NumPy works on all configurations at once: m is at most 6, B is large.
+    """
     rows = len(matrix)
+    # The factor is L by lines; right holds e, then y, then x.
     factor: list[list[FloatArray]] = []
     right: list[FloatArray] = []
     for i in range(rows):
@@ -78,7 +87,11 @@ def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) 
                 entry += damping
             for k in range(j):
                 entry -= line[k] * (factor[j][k] if j < i else line[k])
-            line.append(np.sqrt(np.maximum(entry, 1e-14)) if i == j else entry / factor[j][j])
+            line.append(
+                np.sqrt(np.maximum(entry, _LEAST_SQUARED_PIVOT))
+                if i == j
+                else entry / factor[j][j]
+            )
         factor.append(line)
         value = missing[i].copy()
         for k in range(i):
@@ -92,6 +105,7 @@ def least_squares(matrix: FloatArray, missing: FloatArray, damping: FloatArray) 
 
 
 def _outwards(move: FloatArray, at_lower: BoolArray, at_upper: BoolArray) -> BoolArray:
+    """Return which moves (n, B) lead out of a limit that the joint is at, (n, B)."""
     return np.asarray((at_lower & (move < 0)) | (at_upper & (move > 0)))
 
 
@@ -102,7 +116,10 @@ def _move(
     free: BoolArray,
     drift: FloatArray | None,
 ) -> FloatArray:
-    """Return the move of the joints that are free; the others stay."""
+    """Return the move of the joints that are free, (n, B); the others stay.
+
+    With a drift d it is d + J⁺(e − Jd), J⁺ the damped inverse: it still serves the target.
+    """
     if drift is None:
         return least_squares(matrix * free, missing, damping)
     own = drift * free

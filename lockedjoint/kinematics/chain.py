@@ -104,7 +104,7 @@ class Chain(Brief):
 
     @property
     def limits(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper limits of the free joints."""
+        """Lower and upper limits of the free joints, shape (n,) each, radians or metres."""
         lower = np.array([joint.lower for joint in self.joints])
         return lower, np.array([joint.upper for joint in self.joints])
 
@@ -118,7 +118,7 @@ class Chain(Brief):
 
     @property
     def mid_range(self) -> FloatArray:
-        """Every joint midway between its limits; at zero if it has none."""
+        """Every joint midway between its limits, shape (n,); at zero if it has none."""
         lower, upper = self.limits
         both = np.isfinite(lower) & np.isfinite(upper)
         middle = np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
@@ -180,7 +180,10 @@ class Chain(Brief):
         return position, orientation, form.by_joint(columns, len(self.joints))[list(rows)]
 
     def motion_columns(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (v; ω) of the tip for each of k motions, (k, 6, B), and its orientation."""
+        """Return (v; ω) of the tip for each motion, (k, 6, B), and its orientation, (3, 3, B).
+
+        They are along the axes of the base, in metres and radians.
+        """
         form = self.normal_form
         axes, origins, position, orientation = form.frames(q)
         columns = form.columns(axes, origins, position, 6)

@@ -1,11 +1,18 @@
-"""What moves of a robot: the chain from one link to another, or all links at once."""
+"""What moves of a robot: the chain from one link to another, or all links at once.
+
+What comes in is a `RobotTree`, links and joints as a file has them. `chain_between` makes the
+`Chain` of some of them in five steps: the joints on the way (`_path`); for each the joint that
+drives it, which another one may (`_driven_joints`); limits that all of them allow (`_ranges`);
+which joints are free, locked or immobile; and where the links are (`_bodies`). Angles are
+radians, lengths metres, poses homogeneous 4×4 matrices.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,12 +34,21 @@ from lockedjoint.kinematics.tree import MOVING, RobotError, RobotTree, TreeJoint
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 
-# The tuple holds a moving joint, the joint that drives it (mostly itself), multiplier, offset.
-_Driven: TypeAlias = tuple[TreeJoint, TreeJoint, float, float]
-
 # More joints that mimic one another in a row are refused: the time grows with the square of
 # their number. Robots that exist have one or two.
 _MOST_MIMICS = 100
+#: Of each link, by name: the number of the body that it is part of, and its pose in that body's
+#: frame, 4×4.
+Places: TypeAlias = dict[str, tuple[int, FloatArray]]
+
+
+class _Driven(NamedTuple):
+    """A moving joint, which is at multiplier · position of its driver + offset."""
+
+    joint: TreeJoint
+    driver: TreeJoint  #: The joint that drives it: mostly itself.
+    multiplier: float
+    offset: float  #: Radians or metres.
 
 
 def chain_between(
@@ -79,9 +95,9 @@ def chain_between(
         limit, slides = known[name].limit, known[name].type == "prismatic"
         check_limits(name, value, limit.lower, limit.upper, slides)
     moving = [
-        (joint, driver, k, c)
-        for joint, driver, k, c in driven.values()
-        if driver.name not in locked_at and k != 0.0
+        one
+        for one in driven.values()
+        if one.driver.name not in locked_at and one.multiplier != 0.0
     ]
     if len(moving) > MOST_JOINTS:
         count = f"number of joints that move {tip}"
@@ -100,9 +116,9 @@ def chain_between(
         raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
     variables = {driver.name: k for k, driver in enumerate(drivers)}
 
-    for joint, driver, k, c in driven.values():
-        if driver.name in fixed or k == 0.0:
-            value = k * fixed.get(driver.name, 0.0) + c
+    for joint, driver, multiplier, offset in driven.values():
+        if driver.name in fixed or multiplier == 0.0:
+            value = multiplier * fixed.get(driver.name, 0.0) + offset
             ends = joint.limit.lower, joint.limit.upper
             check_limits(joint.name, value, *ends, joint.type == "prismatic")
     base = tree.root if base is None else base
@@ -120,9 +136,7 @@ def chain_between(
     )
 
 
-def bodies_of(
-    tree: RobotTree, chain: Chain
-) -> tuple[Bodies, dict[str, tuple[int, FloatArray]]]:
+def bodies_of(tree: RobotTree, chain: Chain) -> tuple[Bodies, Places]:
     """Return what moves as one when the chain's joints move, in the whole tree.
 
     Joints that do not move the tip stay: at zero, or at the limit nearest to it. Body 0 holds
@@ -141,10 +155,23 @@ def _bodies(
     driven: Mapping[str, _Driven],
     variables: Mapping[str, int],
     fixed: Mapping[str, float],
-) -> tuple[Bodies, dict[str, tuple[int, FloatArray]]]:
-    """Return the bodies that joints, parents first, make, and where links are in them."""
+) -> tuple[Bodies, Places]:
+    """Return the bodies that joints, parents first, make, and where links are in them.
+
+    Parameters
+    ----------
+    joints, root
+        Joints, each after that of its parent, and the link before the first one: body 0.
+    driven
+        What drives each moving joint, by the joint's name.
+    variables
+        Places of the chain's free joints, by name: whatever one of them drives makes a body.
+    fixed
+        Positions of joints that stand, by name: locked or immobile. Others that are not free
+        stand at 0, or at the limit nearest to it.
+    """
     moving: list[tuple[int, Motion]] = []
-    places: dict[str, tuple[int, FloatArray]] = {root: (0, np.eye(4))}
+    places: Places = {root: (0, np.eye(4))}
     for joint in joints:
         body, pose = places[joint.parent]
         pose = pose @ np.asarray(joint.origin)
@@ -167,6 +194,7 @@ def _bodies(
 
 
 def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
+    """Return the joints from base to tip, in order; joints on the way up are turned round."""
     for name, link in (("tip", tip), ("base", base)):
         if link is not None and link not in tree.links:
             allowed = f"one of the links {listed(tree.links)}{nearest(link, tree.links)}"
@@ -183,7 +211,11 @@ def _path(tree: RobotTree, tip: str, base: str | None) -> tuple[TreeJoint, ...]:
 
 
 def _back(joint: TreeJoint, links: Sequence[str]) -> tuple[TreeJoint, TreeJoint]:
-    """Return a joint from its child to its parent: the motion, then what is fixed."""
+    """Return a joint from its child to its parent: the motion, then what is fixed.
+
+    A joint's pose is origin · motion(q). The inverse is motion(-q) · origin⁻¹, and motion(-q)
+    about an axis is motion(q) about the opposite axis.
+    """
     between = unused(f"{joint.child} before {joint.name}", links)
     axis = -joint.axis if joint.type in MOVING else joint.axis
     moving = replace(joint, parent=joint.child, child=between, origin=np.eye(4), axis=axis)
@@ -192,13 +224,16 @@ def _back(joint: TreeJoint, links: Sequence[str]) -> tuple[TreeJoint, TreeJoint]
 
 
 def _driven_joints(tree: RobotTree, moving: Sequence[TreeJoint]) -> dict[str, _Driven]:
-    """Return what drives those of some joints that move, by their names."""
+    """Return what drives those of some joints that move, by their names, in the same order."""
     joints = {joint.name: joint for joint in tree.joints}
     return {one.name: _driven_joint(joints, one) for one in moving if one.type in MOVING}
 
 
 def _driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
-    """Return a joint, the joint that drives it, and by which multiplier and offset."""
+    """Return a joint, the joint that drives it in the end, and by which multiplier and offset.
+
+    A row of mimics q = m₁p + c₁, p = m₂r + c₂ makes q = m₁m₂r + (m₁c₂ + c₁).
+    """
     driver, multiplier, offset, seen = joint, 1.0, 0.0, {joint.name}
     while driver.mimic is not None:
         follower, mimic = driver.name, driver.mimic
@@ -225,11 +260,15 @@ def _driven_joint(joints: Mapping[str, TreeJoint], joint: TreeJoint) -> _Driven:
                 f"of size at most {LARGEST:g}; the multiplier 0 or at least {1 / LARGEST:g}"
             )
             raise RobotError(f"<mimic> of joint {joint.name}", shown, allowed)
-    return joint, driver, multiplier, offset
+    return _Driven(joint, driver, multiplier, offset)
 
 
 def _ranges(moving: Sequence[_Driven]) -> list[ChainJoint]:
-    """Return each driving joint, its limits narrowed by those of the joints that follow it."""
+    """Return each driving joint, its limits narrowed by those of the joints that follow it.
+
+    Multipliers are not 0. From lower ≤ multiplier · p + offset ≤ upper follow limits of the
+    driver's position p; from |multiplier| · |ṗ| ≤ velocity follows that of its speed.
+    """
     ranges: dict[str, ChainJoint] = {}
     for joint, driver, multiplier, offset in moving:
         name, own, limit = driver.name, driver.limit, joint.limit

@@ -24,8 +24,12 @@ from lockedjoint.nlp.errors import InputError
 
 #: A state has positions of joints by name, radians or metres.
 State = Mapping[str, float]
-# A joint of one of these MJCF types has so many entries in `qpos`; any other has one.
+# A joint of one of these MJCF types has so many entries in `qpos`: a position and a quaternion,
+# or a quaternion. Any other has one.
 _POSITIONS = {"free": 7, "ball": 4}
+# MuJoCo numbers the types of joints: free 0, ball 1, slide 2, hinge 3. From this on a joint has
+# one position.
+_FIRST_SINGLE_TYPE = 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,11 +92,13 @@ class Description:
 
 
 def _references(model: Any) -> Iterator[tuple[str, Any]]:
+    """Yield name and configuration, (nq,), of the reference configurations of pinocchio."""
     for entry in model.referenceConfigurations:
         yield str(entry.key()), np.asarray(entry.data())
 
 
 def _of_pinocchio(model: Any, q: Any) -> State:
+    """Return a configuration of pinocchio, (nq,), by joint, but for ball and free joints."""
     state = {}
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
         part = q[joint.idx_q : joint.idx_q + joint.nq]
@@ -104,7 +110,8 @@ def _of_pinocchio(model: Any, q: Any) -> State:
 
 
 def _of_mujoco(model: Any, qpos: Any) -> State:
-    single = [k for k in range(model.njnt) if int(model.jnt_type[k]) >= 2]  # slides and hinges
+    """Return positions of slides and hinges by joint, from all of a mujoco model, (nq,)."""
+    single = [k for k in range(model.njnt) if int(model.jnt_type[k]) >= _FIRST_SINGLE_TYPE]
     return {model.joint(k).name: float(qpos[model.jnt_qposadr[k]]) for k in single}
 
 

@@ -1,4 +1,9 @@
-"""Forward kinematics and the Jacobian as symbols: of a chain, and of all bodies of a robot."""
+"""Forward kinematics and the Jacobian as symbols: of a chain, and of all bodies of a robot.
+
+A chain has n free joints and k motions, at least n: a joint that others follow has several.
+Columns are (v; ω) along the axes of the base, in metres and radians: (a × (p − o); a) of a
+motion about an axis a through o, with the tip's point p, and (a; 0) of one along it.
+"""
 
 from __future__ import annotations
 
@@ -64,5 +69,6 @@ def body_frames(
 
 
 def _moved(orientation: ca.SX, origin: ca.SX, placement: Transform) -> tuple[ca.SX, ca.SX]:
+    """Return rotation (3, 3) and origin (3, 1) of the frame that is placed in a given one."""
     pose = np.array(placement)
     return orientation @ ca.DM(pose[:3, :3]), origin + orientation @ ca.DM(pose[:3, 3])

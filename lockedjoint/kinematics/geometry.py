@@ -1,4 +1,8 @@
-"""Rotations, homogeneous matrices and distances of segments, of many at once in NumPy."""
+"""Rotations, homogeneous matrices and distances of segments, of many at once in NumPy.
+
+Angles are radians. In shapes … stands for any dimensions in front. A rotation R is a matrix
+whose columns are the turned axes; a rotation vector is a unit axis a times the angle φ.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +13,26 @@ import numpy.typing as npt
 
 from lockedjoint.nlp.arrays import FloatArray
 
-# The axis of a rotation near half a turn, where its sine is less than this, is found otherwise.
+# The axis of a rotation near half a turn, where its sine is less than this, is found otherwise:
+# R - Rᵀ, which is as large as the sine, has lost digits there.
 _SMALL_SINE = 1e-3
+# A sine counts as at least this when it is a divisor, so that the identity, whose
+# sine is 0, has the vector 0.
+_LEAST_SINE = 1e-12
+# Rotation vectors count as at least this long in their rates: 1 - φ/2 cot(φ/2) loses its digits
+# where the angle is small, and is divided by φ².
+_LEAST_ANGLE_RAD = 1e-6
+# Lines are parallel if the squared sine of the angle between them is at most this: rounding.
+_PARALLEL_SQUARED_SINE = 1e-20
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
 
 def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
-    """Rotate about unit axes (…, 3) by angles (…), Rodrigues' formula; (…, 3, 3)."""
+    """Rotate about unit axes a (…, 3) by angles φ (…): I + sin φ [a]ₓ + (1 − cos φ) [a]ₓ².
+
+    Rodrigues' formula; the result is (…, 3, 3).
+    """
     x, y, z = np.moveaxis(axis, -1, 0)
     zero = np.zeros_like(x)
     cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
@@ -27,7 +43,7 @@ def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 def screw(axis: FloatArray, angle: float, travel: float) -> FloatArray:
-    """Return a rotation about a unit vector and a travel along it, 4×4."""
+    """Return a rotation about a unit vector, (3,), and a travel along it in metres, 4×4."""
     return homogeneous(rotation(axis, np.asarray(angle)), travel * axis)
 
 
@@ -39,7 +55,10 @@ def homogeneous(turn: FloatArray, shift: npt.ArrayLike = 0.0) -> FloatArray:
 
 
 def crosses(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return vector products along the last axis but one; several times as fast as NumPy's."""
+    """Return vector products (…, 3, B) of vectors (…, 3, B): components are last but one.
+
+    This is several times as fast as NumPy's function.
+    """
     x, y, z = left[..., 0, :], left[..., 1, :], left[..., 2, :]
     a, b, c = right[..., 0, :], right[..., 1, :], right[..., 2, :]
     return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-2)
@@ -52,14 +71,16 @@ def rotation_vectors(orientation: FloatArray) -> FloatArray:
     (R + Rᵀ)/2 = cos φ I + (1 - cos φ) a aᵀ, and R - Rᵀ gives only its sign.
     """
     twice = np.stack([orientation[2, 1], orientation[0, 2], orientation[1, 0]])
+    # These are the entries of R - Rᵀ: 2 sin φ a.
     twice -= np.stack([orientation[1, 2], orientation[2, 0], orientation[0, 1]])
     sine = np.sqrt(np.sum(twice**2, axis=0)) / 2
     cosine = (orientation[0, 0] + orientation[1, 1] + orientation[2, 2] - 1) / 2
     angle = np.arctan2(sine, cosine)
-    vectors = twice * (angle / np.maximum(sine, 1e-12) / 2)
+    vectors = twice * (angle / np.maximum(sine, _LEAST_SINE) / 2)
     back = np.flatnonzero((sine < _SMALL_SINE) & (cosine < 0))
     if back.size:
         some = np.moveaxis(orientation[..., back], 2, 0)
+        # The square becomes (1 - cos φ) a aᵀ, whose columns are along a: the largest is taken.
         square = (some + np.swapaxes(some, 1, 2)) / 2
         square -= cosine[back, None, None] * np.eye(3)
         largest = np.argmax(np.einsum("kii->ki", square), axis=1)
@@ -71,8 +92,11 @@ def rotation_vectors(orientation: FloatArray) -> FloatArray:
 
 
 def rotation_vector_rates(vectors: FloatArray) -> FloatArray:
-    """Return how rotation vectors (3, B) change with a rotation's rate, shape (B, 3, 3)."""
-    angle = np.maximum(np.linalg.norm(vectors, axis=0), 1e-6)
+    """Return M of ṙ = Mω for rotation vectors r (3, B), where Ṙ = R [ω]ₓ; shape (B, 3, 3).
+
+    M = I + [r]ₓ/2 + (1 − φ/2 cot(φ/2))/φ² [r]ₓ², with φ = |r|.
+    """
+    angle = np.maximum(np.linalg.norm(vectors, axis=0), _LEAST_ANGLE_RAD)
     cross = np.cross(np.eye(3)[None], vectors.T[:, None, :])
     half = angle / 2
     factor = (1 - half / np.tan(half)) / angle**2
@@ -86,9 +110,10 @@ def segment_distance(
     other_end: FloatArray,
     axis: int = -1,
 ) -> FloatArray:
-    """Distance between two segments.
+    """Distances between two segments each, in the unit of their ends.
 
-    Coordinates are along one axis of the arrays, the last one by default. The nearest points of
+    Ends have shapes that broadcast, with three coordinates along one axis, the last one by
+    default; the result has the shape without this axis. The nearest points of
     the two lines are s and t of the way along the segments. If s is cut off at an end, t is
     where that end is nearest; if t is cut off in turn, s is where the end of the other is
     nearest (Ericson, 2004).
@@ -98,8 +123,9 @@ def segment_distance(
         for one in (end - start, other_end - other_start, other_start - start)
     )
     cross, across = _cross(u, v), _cross(gap, v)
+    # Lengths are squared here; square is |u × v|².
     square, length, other_length = _dot(cross, cross), _dot(u, u), _dot(v, v)
-    skew = square > 1e-20 * length * other_length
+    skew = square > _PARALLEL_SQUARED_SINE * length * other_length
     s = np.where(skew, _dot(across, cross) / np.where(skew, square, 1.0), 0.0)
     both = _dot(u, v)
     t = (np.clip(s, 0, 1) * both - _dot(gap, v)) / np.where(other_length > 0, other_length, 1)

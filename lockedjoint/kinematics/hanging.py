@@ -1,7 +1,14 @@
 """A joint without torque and brake: where it hangs, and what would hold it elsewhere.
 
-Pinocchio has the masses and computes torques. Whatever the robot, gravity's torque on one
-revolute joint is A sin(q - q*) while all others stand: q* is its only stable equilibrium.
+Pinocchio has the masses and computes torques. Whatever the robot, the torque that holds one
+revolute joint against gravity is τ = A sin(q - q*) while all others stand: q* is its only
+stable equilibrium. So A and q - q* follow from τ and its slope ∂τ/∂q = A cos(q - q*).
+
+q       positions of the chain's n joints, radians or metres, shape (n,) or (n, B) for B.
+q*      where the joint hangs while the others stand, radians: it depends on them.
+A       gravity's largest moment about the joint, N m, above 0.
+Rates are per second and per second squared, shape (n,). Names of methods and fields are also
+used by `lockedjoint.recovery`.
 """
 
 from __future__ import annotations
@@ -19,9 +26,10 @@ from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-# Gravity's moment is evaluated at so many random configurations.
+# Gravity's moment is evaluated at so many random configurations: with fewer, a joint may be
+# taken for balanced that is not.
 _DRAWN_CONFIGURATIONS = 50
-# A moment below this counts as zero.
+# A moment below this counts as zero: a joint that has no larger one is refused.
 _SMALLEST_MOMENT_NM = 1e-6
 
 
@@ -31,8 +39,8 @@ class HangingJoint:
 
     name: str
     own: int  #: Its place among the chain's joints.
-    model: Any  #: The model of pinocchio.
-    data: Any
+    model: Any  #: The `pinocchio.Model`.
+    data: Any  #: The `pinocchio.Data` of that model, which each computation overwrites.
     still: FloatArray  #: Pinocchio's configuration, in which the chain's joints are at 0.
     #: Arrays of shape (n,) say where the chain's joints begin in it, which of them have a
     #: cosine and a sine there, and which places they have among the velocities.
@@ -80,7 +88,8 @@ class HangingJoint:
     def off(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return how far beyond q* configurations (n, B) are, (B,), and its slopes, (n, B).
 
-        The slopes hold where it hangs.
+        The angle q - q* is in radians, between -π and π. The slopes ∂(q - q*)/∂q hold where it
+        hangs: there they are ∂τ/∂q over A, and 1 for the joint itself.
         """
         torques = [self._gravity(each) for each in q.T]
         torque, slopes = (np.array(part) for part in zip(*torques, strict=True))
@@ -95,19 +104,26 @@ class HangingJoint:
         return float(np.hypot(torque, slopes[self.own]))
 
     def hung(self, q: FloatArray) -> FloatArray:
-        """Return a configuration (n,) with the joint where it hangs, less than a turn away."""
+        """Return q, (n,), with the joint where it hangs, at most half a turn away."""
         q = q.copy()
         q[self.own] -= self.off(q[:, None])[0][0]
         return q
 
     def lag(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
-        """Return by what angle the joint is off q*, in balance with its inertia, at (n,)."""
+        """Return by what angle in radians inertia holds the joint off q*: |τ|/A if it is small.
+
+        With the joint at q* in q, τ is the torque that this motion would need there.
+        """
         return abs(self._torque(q, speed, acceleration)) / max(
             self.moment(q), _SMALLEST_MOMENT_NM
         )
 
     def falls(self, q: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
-        """Return the joint's acceleration without friction, that of the others given, (n,)."""
+        """Return the joint's acceleration without friction and torque, the others' given.
+
+        A torque τ would make the accelerations those given, (n,); without it the joint's is
+        less by τ/I, where I is the diagonal entry of the mass matrix. All is in rad/s².
+        """
         import pinocchio as pin
 
         column = self.columns[self.own]
@@ -115,6 +131,7 @@ class HangingJoint:
         return float(acceleration[self.own] - self._torque(q, speed, acceleration) / inertia)
 
     def _torque(self, q: FloatArray, *rates: FloatArray) -> float:
+        """Return the joint's torque in N m, from q, speed and acceleration, (n,) each."""
         import pinocchio as pin
 
         whole = np.zeros((2, self.model.nv))
@@ -123,6 +140,7 @@ class HangingJoint:
         return float(torques[self.columns[self.own]])
 
     def _gravity(self, q: FloatArray) -> tuple[float, FloatArray]:
+        """Return τ, the torque that holds the joint against gravity, and ∂τ/∂q, shape (n,)."""
         import pinocchio as pin
 
         at, own = (self.model, self.data, self._placed(q)), self.columns[self.own]
@@ -130,7 +148,7 @@ class HangingJoint:
         return pin.computeGeneralizedGravity(*at)[own], slopes
 
     def _placed(self, q: FloatArray) -> FloatArray:
-        """Return pinocchio's configuration."""
+        """Return pinocchio's configuration, shape (nq,), of q, shape (n,)."""
         placed = self.still.copy()
         placed[self.places] = np.where(self.circles, np.cos(q), q)
         placed[self.places[self.circles] + 1] = np.sin(q[self.circles])
@@ -138,7 +156,7 @@ class HangingJoint:
 
 
 def _still(model: Any, known: Mapping[str, float]) -> FloatArray:
-    """Return pinocchio's configuration where some joints stand, others as near 0 as can be."""
+    """Return pinocchio's configuration, (nq,): some joints are known, others near 0."""
     import pinocchio as pin
 
     placed = pin.neutral(model)

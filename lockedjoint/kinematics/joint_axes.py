@@ -20,17 +20,17 @@ from lockedjoint.nlp.arrays import FloatArray
 class JointAxes:
     """Axes of joints in order, the one at the base first, and an end effector.
 
-    Unit directions of the axes, and the point of each where the joint sits, shape (…, n, 3);
-    which joints are prismatic, (…, n); and the position p of the end effector, (…, 3).
+    Dimensions in front, …, are those of many arms or displacements; there may be none.
     """
 
-    directions: FloatArray
-    points: FloatArray
-    prismatic: BoolArray
-    end_effector: FloatArray
+    directions: FloatArray  #: Unit vectors along the axes, shape (…, n, 3).
+    points: FloatArray  #: The point of each axis where the joint sits, shape (…, n, 3).
+    prismatic: BoolArray  #: Which joints are prismatic, shape (…, n).
+    end_effector: FloatArray  #: Its position p, shape (…, 3).
 
     def moved(self, displacements: FloatArray) -> tuple[JointAxes, FloatArray]:
         """Return the chain at q, shape (…, n), and how its last link has turned, (…, 3, 3)."""
+        # A point x of the link after joint i is now at orientation · x + shift.
         shape = np.broadcast_shapes(self.prismatic.shape, displacements.shape)
         orientation = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
         shift = np.zeros((*shape[:-1], 3))
@@ -48,12 +48,16 @@ class JointAxes:
         return JointAxes(directions, points, self.prismatic, tip), orientation
 
     def chosen(self, which: BoolArray | IntArray) -> JointAxes:
-        """Return some of many chains, by the first dimension; they share one end effector."""
+        """Return some of many chains, by a mask or numbers of the first dimension.
+
+        They share one end effector, of shape (3,).
+        """
         directions, points = self.directions[which], self.points[which]
         return JointAxes(directions, points, self.prismatic[which], self.end_effector)
 
     def velocities(self) -> FloatArray:
         """Return the Jacobian (v; ω), reference point the end effector, shape (…, 6, n)."""
+        # Columns are (a × (p − x); a) of revolute joints, (a; 0) of prismatic ones.
         prismatic = self.prismatic[..., None]
         lever = self.end_effector[..., None, :] - self.points
         linear = np.where(prismatic, self.directions, np.cross(self.directions, lever))
@@ -62,4 +66,5 @@ class JointAxes:
 
 
 def _rotated(orientation: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return vectors (…, 3) turned by rotations (…, 3, 3)."""
     return np.asarray((orientation @ vector[..., None])[..., 0])

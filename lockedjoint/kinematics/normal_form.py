@@ -1,8 +1,9 @@
 """The normal form of a chain: every motion is about or along z.
 
 Frames are those of Denavit and Hartenberg. The form is computed once for each chain, and is
-what moves it in NumPy. Configurations come last: q has shape (n, B), columns have shape
-(rows, k, B). One operation then does as much work as it can.
+what moves it in NumPy. Configurations come last: B of n joints are q, (n, B), in radians or
+metres; columns (v; ω) of the k motions have shape (rows, k, B), in metres and radians along the
+axes of the base. One operation then does as much work as it can.
 """
 
 from __future__ import annotations
@@ -16,19 +17,21 @@ from lockedjoint.kinematics.geometry import BoolArray, crosses, homogeneous
 from lockedjoint.kinematics.motion import Motion, Transform
 from lockedjoint.nlp.arrays import FloatArray
 
-# Axes are parallel, but for rounding, if the sine of the angle between them is at most this.
+# Axes are parallel, but for rounding, if the sine of the angle between them is at most this. If
+# it is larger, axes that are nearly parallel are made parallel, and the tip is elsewhere.
 _PARALLEL_SINE = 1e-15
-# A unit vector is the z axis if its last entry is less than this away from 1.
+# A unit vector is along z if its last entry is less than this away from 1 or -1: the x axis is
+# then across it, and no cross product of length 0 is divided by.
 _ALONG_Z_SHORTFALL = 1e-12
 
 
 @dataclass(frozen=True)
 class Offset:
-    """What is between two motions: a shift in metres, (3,), then a turn about x."""
+    """What is between two motions: a shift along x, y and z, then a turn about x."""
 
-    shift: list[float]
-    cosine: float
-    sine: float
+    shift: list[float]  #: Three lengths in metres.
+    cosine: float  #: Of the angle about x.
+    sine: float  #: It is at least 0: the angle is from 0 to π.
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +52,14 @@ class NormalForm:
         """Return the normal form of a chain's motions from base to tip.
 
         A placement is a shift, and turns about z, x and z: only that about x is left between
-        two motions; the others are part of the angles before and after.
+        two motions; the others are part of the angles before and after. A turn about z and a
+        motion along or about z may change places.
         """
         links, turns = [], np.zeros((len(motions), 1))
         outset, carried = np.eye(3), np.eye(4)
         for k, motion in enumerate(motions):
+            # With the rotation pose[:3, :3] = Rz(θ) Rx(α) Rz(φ), its last column is
+            # (sin θ sin α, -cos θ sin α, cos α); φ remains in Rx(α) Rz(φ), the rest.
             to_axis = homogeneous(turn_to(np.array(motion.axis)))
             pose = carried @ np.array(motion.placement) @ to_axis
             cosine, sine = pose[2, 2], float(np.hypot(*pose[:2, 2]))
@@ -83,7 +89,7 @@ class NormalForm:
 
     @property
     def reach(self) -> float:
-        """Most distance of the tip from a joint's axis, but for travels, in metres."""
+        """A bound of the tip's distance from any joint's axis, but for travels, in metres."""
         shifts = [np.linalg.norm(link.shift) for link in self.links[1:]]
         return float(np.sum(shifts) + np.linalg.norm(self.end[:3, 3]))
 
@@ -91,13 +97,15 @@ class NormalForm:
         """Return where the motions' axes and the tip are, see `Chain.frames`."""
         values = self.multipliers * q[self.variables] + self.offsets
         angles = np.where(self.slides, 0.0, values) + self.turns
-        # One tangent takes half as long as a cosine and a sine.
+        # One tangent takes half as long as a cosine and a sine: with t = tan(φ/2),
+        # cos φ = 2/(1 + t²) - 1 and sin φ = 2t/(1 + t²).
         tangents = np.tan(angles / 2)
-        shares = 2 / (1 + tangents**2)
-        cosines, sines = shares - 1, shares * tangents
+        factors = 2 / (1 + tangents**2)
+        cosines, sines = factors - 1, factors * tangents
         x, y, z = np.repeat(self.outset.T[:, :, None], q.shape[1], axis=2)
         position = np.zeros((3, q.shape[1]))
         axes, origins = np.empty((2, len(values), 3, q.shape[1]))
+        # The axes x, y, z of the present frame and its origin, the position, are (3, B) each.
         for k, link in enumerate(self.links):
             for length, axis in zip(link.shift, (x, y, z), strict=True):
                 if length:

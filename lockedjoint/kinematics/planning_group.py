@@ -21,9 +21,11 @@ class PlanningGroup:
     """A group of a robot: the ends of its chain, and the joints that move."""
 
     name: str
-    base: str
-    tip: str
-    joints: tuple[str, ...]
+    base: str  #: The link that the motion is relative to, see above.
+    tip: str  #: The link whose motion is looked at.
+    joints: tuple[
+        str, ...
+    ]  #: Names, in the order of the file; mimic joints are not among them.
 
 
 def planning_group(
@@ -94,7 +96,11 @@ def _moving(
     joints: Mapping[str, TreeJoint],
     virtual: Collection[str],
 ) -> dict[str, TreeJoint]:
-    """Return the joints of a group that move by themselves, in the order of the file."""
+    """Return the joints of a group that move by themselves, by name, in the order of the file.
+
+    `parts` are the group and the groups in it, `joints` all joints of the tree by name.
+    InputError if a part names what the robot does not have; virtual joints are left aside.
+    """
     listed_names: list[str] = []
     for part in parts:
         listed_names += part.joints

@@ -103,7 +103,9 @@ class Pose(Brief):
     def constraints(self, origin: ca.SX, rotation: ca.SX) -> tuple[Constraint, ...]:
         """State that a tip is there, from its position (3, 1) and rotation (3, 3)."""
         off = origin - ca.DM(self.position)
-        # The trace falls short of 3 by 2 (1 − cos), with the angle between the two rotations.
+        # The trace falls short of 3 by 2 (1 − cos φ), φ the angle between the two rotations.
+        # So one constraint is (1 − cos φ)/(1 − cos angle) ≤ 1, which is smooth at φ = 0. The
+        # other one, without a tolerance, is sin φ = 0 about each axis: half a turn has it, too.
         product = rotation @ ca.DM(self.rotation.T)
         blocks = [
             Constraint("position", ca.sumsqr(off) / self.tolerance**2, -np.inf, 1.0)
@@ -111,8 +113,8 @@ class Pose(Brief):
             else Constraint("position", off, 0.0, 0.0)
         ]
         if self.quaternion is not None and self.angle:
-            share = (3 - ca.trace(product)) / (2 * (1 - np.cos(self.angle)))
-            blocks.append(Constraint("orientation", share, -np.inf, 1.0))
+            versine_ratio = (3 - ca.trace(product)) / (2 * (1 - np.cos(self.angle)))
+            blocks.append(Constraint("orientation", versine_ratio, -np.inf, 1.0))
         elif self.quaternion is not None:
             sines = ca.inv_skew((product - product.T) / 2)
             blocks.append(Constraint("orientation", sines, 0.0, 0.0))
@@ -127,5 +129,8 @@ class Pose(Brief):
 
     @takes("two arrays of one shape, and a number")
     def reached(self, errors: tuple[FloatArray, FloatArray], slack: float) -> BoolArray:
-        """Whether distances and angles are within the tolerances, and this much more."""
+        """Whether distances and angles, (B,) each, are within the tolerances and a slack.
+
+        The slack is added to each tolerance: metres and radians.
+        """
         return (errors[0] <= self.tolerance + slack) & (errors[1] <= self.angle + slack)

@@ -1,6 +1,10 @@
 """Read a robot from a model of mujoco, or from an MJCF file.
 
-Of a file mujoco gets no more than bears on kinematics. Pinocchio's reader is not used: it loses
+What comes in: a `mujoco.MjModel`, or the root element of an MJCF file, which mujoco compiles to
+one. What goes out: a `RobotTree`, in radians and metres. Bodies, joints, sites and tendons are
+numbers in a model, their places in its arrays; names are for the tree.
+
+Mujoco gets no more of a file than bears on kinematics. Pinocchio's reader is not used: it loses
 the bodies in a ``<frame>`` and the equalities that couple joints, and does not say so. Its
 wheels cannot read SDF.
 """
@@ -21,9 +25,9 @@ from lockedjoint.kinematics.tree import Limit, Mimic, RobotTree, TreeJoint, unus
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-# A model with more bodies, joints and sites is refused.
+# A file with more bodies, joints and sites is refused: compiling would take too long.
 _MOST_PARTS = 10_000
-# A file that includes more files is refused.
+# A file that includes more files than these is refused.
 _MOST_FILES = 100
 # The attributes below bear on kinematics: they are those of bodies, frames, joints, sites,
 # equalities and their defaults. Only these reach mujoco, which then opens no meshes, textures,
@@ -58,6 +62,7 @@ _KEPT = {
 }
 # A tendon that an equality names winds around this: any shape that mujoco accepts would do.
 _WOUND = {"type": "sphere", "size": "0.01"}
+# Names of elements; None of those that have none.
 _Names: TypeAlias = set[str | None]
 # These elements make bodies out of other files or of nothing.
 _REFUSED = {
@@ -88,6 +93,7 @@ def mujoco_tree(model: Any) -> RobotTree:
         int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
         int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
     }
+    # The set has all names of joints so far, those of fixed ones too.
     links, joints, fixed = list(bodies), list[TreeJoint](), set(titles)
     for body in range(1, model.nbody):
         parent = bodies[model.body_parentid[body]]
@@ -124,7 +130,10 @@ def mujoco_tree(model: Any) -> RobotTree:
 
 
 def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[int]]:
-    """Return which joints follow others, and which are coupled in any other way."""
+    """Return what joints follow, by number, and the numbers of joints coupled in another way.
+
+    The titles are the joints' names. Only equalities that are active from the start count.
+    """
     from mujoco import mjtEq, mjtObj
 
     followed: dict[int, Mimic] = {}
@@ -133,13 +142,15 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
         given = model.eq_type, model.eq_obj1id, model.eq_obj2id
         kind, first, second = (int(values[k]) for values in given)
         if kind == mjtEq.mjEQ_JOINT:
-            # q - q0 = a0 + a1 (p - p0) + a2 (p - p0)^2 + …
+            # q - q0 = a0 + a1 (p - p0) + a2 (p - p0)^2 + …, q of the first joint, p of the
+            # second, at q0 and p0 in the model's first configuration. Without a2 and more
+            # q = a1 p + (q0 + a0 - a1 p0).
             shift, factor, *curved = model.eq_data[k, :5].tolist()
             if second < 0 or any(curved) or first in followed:
                 coupled.add(first)
                 continue
-            zero, driver = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second))
-            followed[first] = Mimic(titles[second], factor, zero + shift - factor * driver)
+            q0, p0 = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second))
+            followed[first] = Mimic(titles[second], factor, q0 + shift - factor * p0)
         elif kind in (mjtEq.mjEQ_CONNECT, mjtEq.mjEQ_WELD):
             if model.eq_objtype[k] == mjtObj.mjOBJ_SITE:
                 first, second = int(model.site_bodyid[first]), int(model.site_bodyid[second])
@@ -155,7 +166,7 @@ def _equalities(model: Any, titles: list[str]) -> tuple[dict[int, Mimic], set[in
 
 
 def _joints_of_tendon(model: Any, tendon: int) -> set[int]:
-    """Return the joints on which the length of a tendon depends, or may."""
+    """Return the numbers of the joints on which the length of a tendon depends, or may."""
     from mujoco import mjtWrap
 
     begin = int(model.tendon_adr[tendon])
@@ -172,6 +183,7 @@ def _joints_of_tendon(model: Any, tendon: int) -> set[int]:
 
 
 def _joints_below_root(model: Any, body: int) -> set[int]:
+    """Return the numbers of all joints that move a body."""
     joints: set[int] = set()
     while body > 0:
         joints.update(_joints_of(model, body))
@@ -180,6 +192,7 @@ def _joints_below_root(model: Any, body: int) -> set[int]:
 
 
 def _joints_of(model: Any, body: int) -> range:
+    """Return the numbers of a body's own joints, between it and its parent."""
     first = int(model.body_jntadr[body])
     return range(first, first + int(model.body_jntnum[body]))
 
@@ -191,7 +204,7 @@ def _names(named: Any, count: int, kind: str) -> list[str]:
 
 
 def _placed(position: FloatArray, quaternion: npt.ArrayLike = (1, 0, 0, 0)) -> FloatArray:
-    """Return a pose, 4×4, from a position and a quaternion (w, x, y, z)."""
+    """Return a pose, 4×4, from a position, (3,), and a quaternion (w, x, y, z), normalised."""
     w, x, y, z = np.divide(quaternion, np.linalg.norm(quaternion)).tolist()
     turn = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -235,8 +248,8 @@ def _include(
 ) -> None:
     """Put what other files hold in the place of the ``<include>`` that names them.
 
-    As mujoco does, a file is looked for in the folder of the whole, then beside the file that
-    includes it.
+    As mujoco does, a file is looked for in the folder of the whole, then in that of the
+    including file. The element is changed in place, and so is `read`, the files read so far.
     """
     for k in reversed(range(len(element))):
         if element[k].tag != "include":
@@ -280,7 +293,10 @@ def _coupling(root: Element) -> tuple[_Names, _Names]:
 
 
 def _copy_kinematics(source: Element, target: Element, coupling: tuple[_Names, _Names]) -> None:
-    """Copy what bears on kinematics, tendons among it that equalities are about."""
+    """Copy what bears on kinematics into a target, which is changed in place.
+
+    The coupling is that of `_coupling`: tendons that equalities are about are copied, too.
+    """
     tendons, wound = coupling
     for element in source:
         name = element.get("name")

@@ -15,7 +15,8 @@ from lockedjoint.nlp.arrays import FloatArray
 
 # These frames become links: bodies, and the points that a user marked.
 _FRAMES_THAT_ARE_LINKS = ("BODY", "OP_FRAME")
-# Entries of a frame's pose that differ by less from the identity are rounding.
+# A frame is in its joint's place if no entry of its pose differs by more from the identity. If
+# this is larger, frames beside the joint give their names to the joint's link.
 _ROUNDING = 1e-15
 
 

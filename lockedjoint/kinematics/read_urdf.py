@@ -5,6 +5,9 @@ joint that they follow, as in Talos and Romeo; limits without an effort), accept
 0 and cycles beside the tree, says on standard error only what is wrong, and is not there on
 Windows. The kinematics are so small a part of URDF that no library is needed.
 
+What comes in: the bytes of a file (`xml_root`), then its root element (`urdf_tree`), or a model
+of yourdfpy. What goes out: a `RobotTree`, in radians and metres.
+
 XML is read by Python's own parser, expat. No other file is opened and no entity is resolved;
 prefixes of simulators' tags need no declaration. What does not bear on kinematics (meshes,
 inertias, transmissions, simulator tags) is not looked at, so that it can be neither missing nor
@@ -45,7 +48,7 @@ _MOST_CHARACTERS = 1_000_000
 _XACRO = "plain URDF, which the command `xacro FILE.urdf.xacro > FILE.urdf` makes"
 # Numbers of an attribute are counted in words.
 _COUNTS = {1: "one number", 3: "three numbers", 4: "four numbers"}
-# A quaternion must be longer than this, which has no unit.
+# A quaternion must be longer than this, which has no unit: it is divided by its length.
 _SHORTEST_QUATERNION = 1e-9
 _Read = TypeVar("_Read")
 # A joint has one of these types.
@@ -114,6 +117,7 @@ def pose_of(element: Element, where: str) -> FloatArray:
         return homogeneous(Rotation.from_quat(quaternion).as_matrix(), shift) + 0.0
     roll, pitch, yaw = numbers(origin, "rpy", "0 0 0", place, LARGEST)
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
+    # This is Rz(yaw) Ry(pitch) Rx(roll), as URDF has it.
     rows = [
         [cp * cy, sp * (cy * sr) - cr * sy, sp * (cr * cy) + sr * sy],
         [cp * sy, sp * (sr * sy) + cr * cy, sp * (cr * sy) - cy * sr],
@@ -133,6 +137,7 @@ def _check_version(root: Element) -> None:
 
 
 def _joint(joint: Element) -> TreeJoint:
+    """Return the joint that a ``<joint>`` describes; InputError if it is wrong."""
     name = attribute(joint, "name", "a joint")
     where = f"joint {name}"
     kind = attribute(joint, "type", where)
@@ -162,6 +167,7 @@ def _joint(joint: Element) -> TreeJoint:
 
 
 def _end(joint: Element, tag: str, where: str) -> str:
+    """Return the link of a joint's ``<parent>`` or ``<child>``."""
     end = joint.find(tag)
     if end is None:
         raise InputError(where, f"without <{tag}>", "a parent and a child")
@@ -201,6 +207,7 @@ def parsed(path: Path, content: bytes, parse: Callable[[bytes], _Read]) -> _Read
 def xml_root(content: bytes) -> Element:
     """Return the root of the XML; InputError if it is none, or declares entities."""
     if content.startswith(b"\x1f\x8b"):
+        # These are the first bytes of every gzip file.
         raise InputError("content", "compressed with gzip", "plain XML (unpack the file first)")
     builder, parser = TreeBuilder(), expat.ParserCreate()
     depth = 0

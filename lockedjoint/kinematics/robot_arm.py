@@ -161,6 +161,7 @@ class RobotArm(ScaledChain):
         return smooth_worst_cases(self, self._points(configurations), width)
 
     def _points(self, configurations: npt.ArrayLike) -> FloatArray:
+        """Return configurations as floats; InputError unless the shape is (N, n) or (n,)."""
         points = as_floats("configurations", configurations)
         n = self.size
         if points.ndim not in (1, 2) or points.shape[-1] != n:

@@ -11,6 +11,11 @@ Unless a length is given, ℓ is the root mean square of the revolute joints' le
 Then Σ|v_i|² = Σ|ω_i|², as an isotropic Jacobian of revolute joints must have it; ‖J‖_F² is
 2n whatever the robot's size; and a robot is measured on the same scale as `LeverRevolute`
 joints, which are designed at mean square lever arm 1.
+
+Letters: m rows of the task, n joints, k motions of the chain (at least n: a joint that others
+follow has several), q positions of the joints in radians and metres, (n,). Metric Jacobians are
+(v; ω), (6, n), in metres and radians; J, (m, n), is in units of ℓ, each column times the
+joint's speed (1 for most, see `ChainJoint`).
 """
 
 from __future__ import annotations
@@ -30,8 +35,11 @@ from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, finite_v
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Evaluation
 
-# Lever arms up to this share of the links' lengths are zero, but for rounding.
+# Lever arms up to this share of the links' lengths are zero, but for rounding: ℓ would be
+# rounding, too. If it is larger, arms whose axes nearly meet in the tip are refused.
 _LEVER_ROUNDING_SHARE = 1e-9
+# The function to the metric Jacobian is kept for so many arms.
+_CACHED_ARMS = 64
 
 
 @dataclass(frozen=True)
@@ -94,6 +102,7 @@ class ScaledChain:
         """Symbolic Jacobian in units of ℓ, shape (m, n), from the motions' columns, (6, k)."""
         metric, length = of_joints(self.chain, columns), ca.SX(self.length or 1.0)
         if self.follows_configuration:
+            # ℓ of the header, from the revolute joints.
             turning = metric[:, self._turning]
             length = ca.sqrt(ca.sumsqr(turning[:3, :]) / ca.sumsqr(turning[3:, :]))
         joints = self.chain.joints
@@ -107,7 +116,7 @@ class ScaledChain:
         return self.in_units_of(metric, self.length_of(metric))
 
     def jacobian_at_length(self, variables: npt.ArrayLike, length: float) -> FloatArray:
-        """Return the Jacobian at numeric positions, in units of another length."""
+        """Return the Jacobian at numeric positions, in units of another length (metres)."""
         check_length("length", length)
         return self.in_units_of(self.metric_jacobian(variables), length)
 
@@ -139,7 +148,10 @@ class ScaledChain:
 
     @cached_property
     def _no_lever(self) -> float:
-        """Up to which a lever arm is rounding: by the links, of which a base is none."""
+        """The lever arm in metres up to which it is rounding.
+
+        It is a share of the links' lengths; what is before the first joint is no link.
+        """
         poses = [np.array(motion.placement) for motion in self.chain.motions[1:]]
         shifts = [np.linalg.norm(pose[:3, 3]) for pose in (*poses, np.array(self.chain.end))]
         return max(_LEVER_ROUNDING_SHARE * float(np.sum(shifts)), 1 / LARGEST)
@@ -150,6 +162,7 @@ class ScaledChain:
         return [k for k, slides in enumerate(self.chain.prismatic) if not slides]
 
     def _checked(self, metric: FloatArray) -> FloatArray:
+        """Return a metric Jacobian; InputError unless it has shape (6, n)."""
         metric = as_floats("jacobian", metric)
         if metric.shape != (6, self.size):
             raise InputError("jacobian", f"of shape {metric.shape}", f"shape (6, {self.size})")
@@ -165,7 +178,8 @@ class ScaledChain:
         return metric[self.task.rows]
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=_CACHED_ARMS)
 def _metric_evaluation(arm: ScaledChain) -> Evaluation:
+    """Return the function from q, (n,), to the metric Jacobian, (6, n), of an arm."""
     q = arm.symbols()
     return Evaluation(q, [of_joints(arm.chain, arm.motion_columns(q))])

@@ -2,6 +2,10 @@
 
 Joints are independent, motion k is that of joint k, and limits are finite: of a joint that
 makes a full turn they are −π and π. Workspaces are measured and proved in this form.
+
+A chain has n joints, and here n motions. Lengths are metres, angles radians; a frame or a
+placement is a homogeneous 4×4 matrix, the pose of one frame in the one before it. Functions
+with a cache return arrays that cannot be written to.
 """
 
 from __future__ import annotations
@@ -28,8 +32,11 @@ Ranges = tuple[tuple[float, float], ...]
 _TURN_RAD = 2 * np.pi
 # Joints move about the z axis of their frames, or along it.
 _Z = (0.0, 0.0, 1.0)
-# Links and distances from an axis count as zero below this.
+# Links, distances from an axis and sines of angles between axes count as zero below this. If it
+# is larger, arms that are nearly planar count as planar, and the sizes of workspaces change.
 _TINY_M = 1e-6
+# A range that is less than a turn by no more than this is a turn: rounding.
+_TURN_ROUNDING_RAD = 1e-9
 # The results of the functions below are kept for so many chains.
 _CACHED_CHAINS = 64
 
@@ -98,13 +105,14 @@ def tip_of(chain: Chain) -> FloatArray:
 
 
 def physical_ranges(chain: Chain) -> Ranges:
-    """Return the physical limits of every joint."""
+    """Return the lower and upper limit of every joint."""
     return tuple((joint.lower, joint.upper) for joint in chain.joints)
 
 
 @lru_cache(maxsize=_CACHED_CHAINS)
 def is_planar(chain: Chain) -> bool:
     """Whether all axes are parallel revolute ones, so that the tip moves in a plane."""
+    # The first two entries of a frame's z axis are the sine of its angle to the one before.
     parallel = all(np.hypot(*frame[:2, 2]) < _TINY_M for frame in frames_of(chain)[1:])
     return parallel and not any(chain.prismatic)
 
@@ -127,7 +135,7 @@ def link_lengths(chain: Chain) -> FloatArray:
 
 
 def with_links(chain: Chain, lengths: Sequence[float] | FloatArray) -> Chain:
-    """Return the chain with its links scaled to other lengths."""
+    """Return the chain with its links scaled to other lengths, n of them; zero ones stay."""
     old = link_lengths(chain)
     factors = [
         new / length if length > _TINY_M else 1.0
@@ -158,9 +166,9 @@ def at_zero(chain: Chain) -> JointAxes:
 
 
 def opened(chain: Chain, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return limits (…, n) without ends where a joint makes a full turn."""
+    """Return limits (…, n), infinite where a joint makes a full turn."""
     continuous = np.array([joint.continuous for joint in chain.joints])
-    full = continuous & (upper - lower >= _TURN_RAD - 1e-9)
+    full = continuous & (upper - lower >= _TURN_RAD - _TURN_ROUNDING_RAD)
     return np.where(full, -np.inf, lower), np.where(full, np.inf, upper)
 
 

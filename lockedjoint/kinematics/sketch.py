@@ -28,7 +28,10 @@ _SMALLEST_M = 1e-9
 
 
 def sketch(chain: Chain, configuration: FloatArray) -> str:
-    """Return a drawing of a chain at a configuration, shape (n,): dots are joints."""
+    """Return a drawing of a chain at a configuration, shape (n,), radians or metres, as SVG.
+
+    Dots are joints. The base is the beginning of the line.
+    """
     _, origins, tip, _ = chain.frames(configuration[:, None])
     places = np.vstack([np.zeros(3), origins[..., 0], tip[:, 0]])
     flat = _seen_from_the_side(places)
@@ -49,12 +52,16 @@ def sketch(chain: Chain, configuration: FloatArray) -> str:
 
 
 def _seen_from_the_side(places: FloatArray) -> FloatArray:
-    """Return places (k, 3) in the vertical plane in which they are widest, (k, 2)."""
+    """Return places (k, 3) in metres in the vertical plane in which they are widest, (k, 2).
+
+    The first coordinate is along the horizontal line of largest variance, the second is z.
+    """
     across = places[:, :2] - places[:, :2].mean(axis=0)
     along = np.linalg.svd(across, full_matrices=False)[2][0]
     return np.column_stack([places[:, :2] @ along, places[:, 2]])
 
 
 def _dot(point: str, colour: str) -> str:
+    """Return a circle about a point, written as ``x,y`` in pixels."""
     x, y = point.split(",")
     return f'<circle cx="{x}" cy="{y}" r="{_DOT_RADIUS_PIXELS}" fill="{colour}"/>'

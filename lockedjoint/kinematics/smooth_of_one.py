@@ -1,6 +1,8 @@
 """The smooth worst case of one configuration, for control loops: all but `eigh` is CasADi.
 
-With the eigenvalues λ_fi and eigenvectors u_fi of M_f = JJᵀ − j_f j_fᵀ, what the failure of
+J is the Jacobian of the task's rows in units of ℓ, (m, n), see `scaled_chain`; j_f is column f
+of it; w > 0 is the width, without a unit: s tends to the worst case σ as w tends to 0. With the
+eigenvalues λ_fi and eigenvectors u_fi, i = 1 … m, of M_f = JJᵀ − j_f j_fᵀ, what the failure of
 joint f leaves, σ_fi = √λ_fi and
 
     s = −w log Σ_fi exp(−σ_fi/w),      ∂s/∂J = Σ_fi p_fi/σ_fi u_fi u_fiᵀ J_F,
@@ -30,9 +32,9 @@ from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Buffered
 
-# s, and its gradient.
+# The tuple holds s, shape (), and its gradient ∂s/∂q, shape (n,).
 SmoothValue: TypeAlias = tuple[FloatArray, FloatArray]
-# Eigenvalues below this are rounding: their roots are taken of this.
+# Eigenvalues below this, also negative ones, are rounding: their roots are taken of this.
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -43,7 +45,8 @@ class SmoothParts:
     Eigenvalues are in the order of NumPy's arrays of shape (n, m).
     """
 
-    #: From q to all M_f as NumPy has them, lower triangles, J, and the motions' columns.
+    #: From q to all M_f as NumPy has them, lower triangles, J, and the columns (v; ω) of the k
+    #: motions in metres and radians, (6, k).
     before: ca.Function
     #: From J, the motions' columns, eigenvalues, V and w to (s, how far from singular), and
     #: ∂s/∂q. If the second is not above 0, JJᵀ has lost the digits of s.
@@ -57,52 +60,59 @@ def smooth_parts(arm: ScaledChain) -> SmoothParts:
     matrix = ca.densify(arm.matrix_of(columns))
     outer = matrix @ matrix.T
     # CasADi's upper triangle, column by column, is NumPy's lower one, row by row.
+    # The list has M_f for each f, of which `eigh` reads the lower half alone.
     left = [outer - matrix[:, f] @ matrix[:, f].T for f in range(n)]
     halves = ca.vertcat(*(ca.vec(ca.densify(ca.triu(one))) for one in left))
     before = ca.Function("smooth_before", [q], [halves, matrix, columns])
     # Products of matrices are MX: as SX they are thousands of instructions.
-    jacobian, moved = ca.MX.sym("J", m, n), ca.MX.sym("C", *columns.shape)
+    jacobian, moving = ca.MX.sym("J", m, n), ca.MX.sym("C", *columns.shape)
     values, vectors = ca.MX.sym("lambda", m * n), ca.MX.sym("V", m * n, m)
     width = ca.MX.sym("w")
     ratios, found = _shares(m, n)(values, width)
+    # The matrix (mn, n) has 0 in column f of the m rows that belong to f, else 1.
     others = 1.0 - np.kron(np.eye(n), np.ones((m, 1)))
     scaled = ca.horzcat(*[ratios] * m) * vectors
     gradient = scaled.T @ ((vectors @ jacobian) * ca.DM(others))
-    given = [jacobian, moved, values, vectors, width]
-    after = ca.Function("smooth_after", given, [found, _slope(arm)(moved, gradient)])
+    given = [jacobian, moving, values, vectors, width]
+    after = ca.Function("smooth_after", given, [found, _slope(arm)(moving, gradient)])
     return SmoothParts(before, after)
 
 
 def _slope(arm: ScaledChain) -> ca.Function:
-    """Return the function from the motions' columns and ∂s/∂J to ∂s/∂q.
+    """Return the function from the motions' columns, (6, k), and ∂s/∂J, (m, n), to ∂s/∂q, (n,).
 
-    It is `slope_of_columns` of `worst_cases` in symbols.
+    It is `slope_of_columns` of `worst_cases` in symbols, which says what force and moments are.
     """
     motions = arm.chain.motions
     columns, weights = ca.SX.sym("C", 6, len(motions)), ca.SX.sym("W", *arm.shape)
     driven = ca.gradient(ca.dot(arm.matrix_of(columns), weights), columns)
-    force, turned, later = ca.SX.zeros(3), [ca.SX.zeros(3)], []
+    # After the loop: sums of moments of the motions before each, and v_k·Σ f_j × ω_j, j ≤ k.
+    force, turned, pushed = ca.SX.zeros(3), [ca.SX.zeros(3)], []
     for k in range(len(motions)):
         linear, angular = columns[:3, k], columns[3:, k]
         force = force + ca.cross(driven[:3, k], angular)
         moment = ca.cross(linear, driven[:3, k]) + ca.cross(angular, driven[3:, k])
         turned.append(turned[-1] + moment)
-        later.append(ca.dot(linear, force))
+        pushed.append(ca.dot(linear, force))
     slope = ca.SX.zeros(arm.size)
     for k, motion in enumerate(motions):
         turn = -turned[k + 1] if arm.task.frame == "tip" else turned[-1] - turned[k + 1]
-        slope[motion.variable] += motion.multiplier * (later[k] + ca.dot(columns[3:, k], turn))
+        slope[motion.variable] += motion.multiplier * (pushed[k] + ca.dot(columns[3:, k], turn))
     return ca.Function("smooth_slope", [columns, weights], [slope])
 
 
 def _shares(m: int, n: int) -> ca.Function:
-    """Return the function from eigenvalues and w to p/σ, and (s, how far from singular)."""
+    """Return the function from eigenvalues and w to p/σ and (s, how far from singular).
+
+    Eigenvalues λ_fi and p/σ are (mn, 1), f by f, ascending for each f, as `eigh` returns them.
+    """
     values, width = ca.SX.sym("lambda", m * n), ca.SX.sym("w")
     sigmas = ca.sqrt(ca.fmax(values, _TINY))
     smallest, largest = values[0], values[m - 1]
     for f in range(1, n):
         smallest = ca.fmin(smallest, values[m * f])
         largest = ca.fmax(largest, values[m * f + m - 1])
+    # The least σ is taken off before, so that no exponential underflows in all terms.
     least = ca.sqrt(ca.fmax(smallest, _TINY))
     terms = ca.exp((least - sigmas) / width)
     total = ca.sum1(terms)
@@ -117,6 +127,7 @@ class SmoothOfOne:
 
     def __init__(self, arm: ScaledChain) -> None:
         (m, n), parts = arm.shape, smooth_parts(arm)
+        # The functions read and write these arrays in place: none may be replaced by another.
         self._q, self._width, self._found = np.zeros(n), np.zeros(1), np.zeros(2)
         self._left, self._values = np.zeros((n, m, m)), np.zeros((n, m))
         vectors, self._slope = np.zeros((m, n, m)), np.zeros(n)

@@ -226,6 +226,7 @@ def srdf_of(root: Element, name: str = "SRDF") -> Srdf:
 
 
 def _group(element: Element) -> Group:
+    """Return a planning group; InputError if a name is missing."""
     name = attribute(element, "name", "a group")
     where = f" of group {name}"
     chains = tuple(
@@ -245,7 +246,11 @@ def _names(element: Element, tag: str, where: str = "") -> tuple[str, ...]:
 
 
 def _check_subgroups(groups: Mapping[str, Group]) -> None:
-    """Refuse groups that are part of themselves."""
+    """Refuse groups that are part of themselves.
+
+    The search goes to depth first, without recursion: a group that is met while it is open, on
+    the way from the first one, is part of itself.
+    """
     whole: set[str] = set()  # groups of which all parts are looked at
     for first in groups:
         open_groups, left = [first], [list(groups[first].groups)]
@@ -309,6 +314,7 @@ def _state(element: Element, groups: Collection[str]) -> tuple[GroupState, list[
 
 
 def _end_effector(element: Element) -> EndEffector:
+    """Return an end effector; InputError if a name is missing, but for the parent group."""
     name = attribute(element, "name", "an end_effector")
     where = f"end_effector {name}"
     return EndEffector(
@@ -320,6 +326,7 @@ def _end_effector(element: Element) -> EndEffector:
 
 
 def _pairs(elements: Sequence[Element]) -> frozenset[tuple[str, str]]:
+    """Return the pairs of links that elements name, each in alphabetical order."""
     return frozenset(
         _pair(
             attribute(one, "link1", f"<{one.tag}>"),

@@ -10,7 +10,10 @@ from lockedjoint.kinematics.tree import RobotTree
 def srdf_notes(
     srdf: Srdf, tree: RobotTree, group: str | None, base: str, tip: str
 ) -> tuple[str, ...]:
-    """Return sentences on what a file gives to a robot, and on what of it is left aside."""
+    """Return sentences on what a file gives to a robot, and on what of it is left aside.
+
+    The group is the one that was chosen, if any; base and tip are the links of the arm.
+    """
     parts = [f"groups {listed(list(srdf.groups))}"] if srdf.groups else []
     states = list(srdf.states_of(group))
     parts += [f"states {listed(states)}"] if states else []

@@ -2,6 +2,11 @@
 
 Every joint of the arm must be stated. What the state of a whole robot has beside them, such as
 grippers, is left aside, with a note.
+
+The way of a configuration is: anything that is accepted (`read_state`) → a mapping from joints
+to numbers or a row of numbers, in radians and metres (`stated_positions`, from texts by
+`_of_text`, from files by `_of_file`) → an array, shape (n,), within the limits. To accept a new
+form, add it to `stated_positions` or `_of_text`, and to `ALLOWED`.
 """
 
 from __future__ import annotations
@@ -27,14 +32,15 @@ ALLOWED = (
     "one number per joint from base to tip, JOINT=VALUE pairs (both with commas), the name of a"
     " state, or a file in JSON or YAML, such as a ROS JointState"
 )
-# A text that ends so is the path of a file.
+# A text that ends so, in capitals too, is the path of a file.
 _FILES = (".json", ".yaml", ".yml")
 # The pattern matches "=", a number, and the comma that ends it. Names may contain commas and
 # "=", numbers may not.
 _SETTING = re.compile(
     r"=\s*[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)\s*(,|$)", re.IGNORECASE
 )
-# A locked joint may be stated this far from where it has locked.
+# A locked joint may be stated this far from where it has locked: files are rounded. One that is
+# stated further away is refused.
 _SAME_PLACE_M_OR_RAD = 1e-6
 
 
@@ -97,7 +103,9 @@ def stated_positions(
 ) -> Any:
     """Return what states a configuration as a mapping from joints, or as a row of numbers.
 
-    In radians and metres. Names of prismatic joints that are not of the chain are in `slides`.
+    Numbers are in radians and metres; a row goes from base to tip, and is not checked here. The
+    argument q is what `read_state` accepts, other than None; `states` has positions by the
+    state's name and the joint's; `slides` has prismatic joints that are not of the chain.
     """
     degrees = isinstance(q, InDegrees)
     q = q.stated if isinstance(q, InDegrees) else q
@@ -117,7 +125,7 @@ def stated_positions(
 
 
 def _hardly_meant(point: FloatArray, chain: Chain) -> tuple[str, ...]:
-    """Return a sentence on angles that may be degrees."""
+    """Return a sentence on angles of positions (n,) that may be degrees, or none."""
     far = [
         f"{joint.name} at {value:g}"
         for joint, value in zip(chain.joints, point.tolist(), strict=True)
@@ -132,12 +140,18 @@ def _hardly_meant(point: FloatArray, chain: Chain) -> tuple[str, ...]:
 
 
 def _is_file(text: str) -> bool:
+    """Whether a text is the path of a file, by its ending."""
     return Path(text).suffix.lower() in _FILES
 
 
 def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return positions by joint as an array, (n,), and a note on joints that it leaves aside.
+
+    InputError if a joint is missing, or one that stands is stated elsewhere.
+    """
     values = {str(name): number(f"q of {name}", value) for name, value in named.items()}
     missing = [name for name in chain.names if name not in values]
+    # These joints have no column: they cannot move, or have locked.
     still = {**dict(chain.immobile), **dict(chain.locked_at)}
     others = [name for name in values if name not in chain.names and name not in still]
     if missing:
@@ -155,6 +169,7 @@ def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, t
 
 
 def _of_text(text: str, states: Mapping[str, Mapping[str, float]]) -> Any:
+    """Return what a text states: a state, a file, JOINT=VALUE pairs, or numbers with commas."""
     if text in states:
         return states[text]
     if _is_file(text):
@@ -169,7 +184,10 @@ def _of_text(text: str, states: Mapping[str, Mapping[str, float]]) -> Any:
 
 
 def _of_file(path: Path) -> Any:
-    """Return positions of a file: a list, by name, as commands write them, or a JointState."""
+    """Return positions of a file: a list, by name, as commands write them, or a JointState.
+
+    They are in radians and metres, or `InDegrees` if the file says so under ``angles``.
+    """
     content = read_bytes(path)
     if path.suffix.lower() == ".json":
         found = load_json(content, path)
@@ -209,6 +227,7 @@ def _first_document(content: bytes, path: Path) -> Any:
 
 
 def _joint_state(names: Sequence[Any], positions: Any, what: str) -> dict[str, float]:
+    """Return the positions of a ROS JointState by name; InputError if they do not fit."""
     if not isinstance(positions, list) or len(positions) != len(names):
         count = len(positions) if isinstance(positions, list) else "no"
         allowed = "one position for each name"
@@ -271,6 +290,7 @@ def interval(name: str, text: str) -> tuple[float, float]:
 
 
 def _is_number(text: str) -> bool:
+    """Whether a text is a number, NaN and infinity included."""
     try:
         real_in(text)
     except ValueError:

@@ -19,7 +19,7 @@ from lockedjoint.kinematics.chain import listed
 from lockedjoint.kinematics.tree import Limit
 from lockedjoint.nlp.errors import InputError
 
-# A table with more rows is refused.
+# A table with more rows is refused: robots that exist have fewer than a hundred.
 _MOST_ROWS = 10_000
 # Kinds of rows are written in full, or by their first letters.
 _KINDS = {"r": "revolute", "p": "prismatic", "f": "fixed"}
@@ -31,9 +31,10 @@ _RANGES = {"lower": -np.inf, "upper": np.inf, "velocity": 0.0}
 _LENGTHS = ("a", "d")
 # The name of a column of lengths may end so: the number says how many metres its unit has.
 _METRES = {"": 1.0, "_m": 1.0, "_cm": 0.01, "_mm": 0.001}
-# A length beyond this may be in millimetres.
+# A length beyond this may be in millimetres: a remark says so, and nothing is refused. If it is
+# smaller, remarks on large robots are wrong; the sentence below has the number, too.
 _FAR_M = 20.0
-# An angle beyond this may be in degrees.
+# An angle beyond this may be in degrees: likewise.
 _TURN_RAD = 2 * math.pi
 
 
@@ -42,12 +43,12 @@ class Row:
     """A row of the table: metres and radians, and the limits of its joint."""
 
     kind: str  #: revolute, prismatic or fixed.
-    a: float
-    d: float
-    alpha: float
-    theta: float
+    a: float  #: Travel along x, metres.
+    d: float  #: Travel along z, metres.
+    alpha: float  #: Turn about x, radians.
+    theta: float  #: Turn about z, radians.
     joint: str  #: The joint's name; empty if the table does not name it.
-    limit: Limit
+    limit: Limit  #: Radians or, of a prismatic joint, metres; velocity per second.
 
 
 def read_rows(lines: list[str]) -> list[Row]:
@@ -75,7 +76,10 @@ def remarks_on_units(lines: list[str]) -> Iterator[str]:
 
 
 def _cells_beyond(lines: list[str], titles: tuple[str, ...], most: float) -> list[str]:
-    """Return where numbers in columns of these titles are larger than the largest usual one."""
+    """Return where numbers in columns of these titles are larger than the largest usual one.
+
+    Each place reads as "a of row 3". Sizes are compared, without their signs.
+    """
     header, rows = _table(lines)
     return [
         f"{title} of row {number}"
@@ -155,6 +159,8 @@ def _cell(
 ) -> float:
     """Return a number of a row, in radians where it turns, or in metres.
 
+    The title states the unit: lengths are multiplied by it, and angles in degrees become
+    radians. Limits of a prismatic joint, which does not turn, stay as they are.
     An empty cell is `if_empty`; if that is None, it is refused.
     """
     text = cells.get(title, "")

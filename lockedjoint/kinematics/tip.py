@@ -35,6 +35,7 @@ def _joints_to(tree: RobotTree, tip: str, base: str | None) -> int | None:
 
 
 def _joints(count: int | None) -> str:
+    """Return the count of `_joints_to` in words."""
     if count is None:
         return "joints of other kinds"
     return f"{count} joint{'' if count == 1 else 's'}"

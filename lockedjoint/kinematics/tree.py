@@ -1,4 +1,8 @@
-"""A robot as links and joints, checked to form one tree, whatever it was read from."""
+"""A robot as links and joints, checked to form one tree, whatever it was read from.
+
+Readers of files and models (`read_urdf`, `read_mujoco` …) make a `RobotTree`; `chain_between`
+makes a `Chain` of some of its joints. Lengths are metres, angles radians.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ from lockedjoint.nlp.errors import InputError, of_kind
 
 # Joints of these types move.
 MOVING = ("revolute", "continuous", "prismatic")
-# An axis that is shorter counts as zero: it has no unit.
+# An axis that is shorter, before it is made a unit vector, counts as zero and is refused.
 _SHORTEST_AXIS = 1e-9
 
 

@@ -1,10 +1,14 @@
-"""How fast the joints of an arm may move, and how suddenly."""
+"""How fast the joints of an arm may move, and how suddenly.
+
+Numbers are one for each of the n free joints, from base to tip. Revolute joints have them in
+rad/s, rad/s² and rad/s³, prismatic ones in m/s, m/s² and m/s³.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -15,8 +19,20 @@ from lockedjoint.nlp.errors import InputError
 
 #: TOPP-RA needs these modules.
 TOPPRA = ("toppra", "toppra.algorithm", "toppra.constraint")
-# Limits of velocity, acceleration and jerk may not be smaller, nor larger than its inverse.
+# Limits of velocity, acceleration and jerk, in the units above, may not be smaller, nor larger
+# than its inverse: squares and quotients of them then neither overflow nor underflow.
 _SMALLEST_LIMIT = 1e-10
+
+
+class Shares(NamedTuple):
+    """How much of its limits a motion uses, without unit: 1 is all, more is too fast.
+
+    Each is the largest of all joints.
+    """
+
+    velocity: float
+    acceleration: float
+    jerk: float  #: It is 0 without limits of jerk.
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +42,9 @@ class MotionLimits:
     Without limits of jerk accelerations are as sudden as the points of a trajectory can say.
     """
 
-    velocity: FloatArray
-    acceleration: FloatArray
-    jerk: FloatArray | None = None
+    velocity: FloatArray  #: rad/s or m/s.
+    acceleration: FloatArray  #: rad/s² or m/s².
+    jerk: FloatArray | None = None  #: rad/s³ or m/s³.
 
     @classmethod
     def of(
@@ -56,10 +72,13 @@ class MotionLimits:
             None if jerk is None else _positive("jerk limits", jerk, len(chain.names)),
         )
 
-    def shares(self, largest: Sequence[FloatArray]) -> tuple[float, float, float]:
-        """Return velocity, acceleration and jerk as shares of their limits; jerk 0 without."""
+    def shares(self, largest: Sequence[FloatArray]) -> Shares:
+        """Return velocity, acceleration and jerk as shares of their limits; jerk 0 without.
+
+        Given are the largest sizes of the three, shape (n,) each.
+        """
         velocity, acceleration, jerk = largest
-        return (
+        return Shares(
             float(np.max(velocity / self.velocity)),
             float(np.max(acceleration / self.acceleration)),
             0.0 if self.jerk is None else float(np.max(jerk / self.jerk)),
@@ -72,7 +91,10 @@ def require_toppra() -> None:
 
 
 def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArray:
-    """Return a number for each joint, from one for each or one for all."""
+    """Return a number for each joint, shape (joints,), from one for each or one for all.
+
+    The name is for errors.
+    """
     values = np.atleast_1d(as_floats(name, given))
     return finite_vector(
         name, np.repeat(values, joints) if len(values) == 1 else values, joints
@@ -80,6 +102,7 @@ def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArr
 
 
 def _positive(name: str, given: Sequence[float | None], size: int) -> FloatArray:
+    """Return limits as an array, (size,); InputError, with their name, if any is 0 or less."""
     limits = finite_vector(name, np.asarray(given, dtype=float), size)
     if not np.all((limits >= _SMALLEST_LIMIT) & (limits <= 1 / _SMALLEST_LIMIT)):
         allowed = f"numbers above 0, from {_SMALLEST_LIMIT:g} to {1 / _SMALLEST_LIMIT:g}"
