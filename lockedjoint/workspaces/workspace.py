@@ -66,7 +66,8 @@ class Workspace:
     size, error
         Area or volume in m² or m³, and how far it may be from the truth. In closed form that is
         the error of the quadrature; on a grid, three standard errors of a sample of points in
-        the voxels and in those about them.
+        the voxels and in those about them; with a fixed orientation, two standard errors of
+        the number of voxels.
         Where nothing was found it is three voxels: of a set that is larger, random points in
         all voxels miss every part with a chance of 5 % at most (e⁻³). It says nothing about
         configurations that the inverse kinematics missed.
