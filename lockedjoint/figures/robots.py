@@ -174,18 +174,17 @@ def draw_kept(cubes: KeptCubes) -> Figure:
 def _fullest(cubes: KeptCubes, axis: int) -> float:
     """Return where along an axis, in metres, most is kept, beside the ends of all cubes.
 
-    Layers are as thick as the largest cube; of the fullest one this is the middle. The width of
-    `KeptCubes` is half an edge.
+    Layers are as thick as the largest cube; of the fullest one this is the middle.
     """
-    edge = 2 * cubes.width.max()
+    edge = 2 * cubes.half_width.max()
     layers, own = np.unique(np.floor(cubes.centre[:, axis] / edge), return_inverse=True)
-    fullest = layers[np.argmax(np.bincount(own, cubes.width**3))]
+    fullest = layers[np.argmax(np.bincount(own, cubes.half_width**3))]
     return float((fullest + 0.5) * edge + _BESIDE_M)
 
 
 def _cut(cubes: KeptCubes, axis: int, place: float) -> KeptCubes:
     """Return the cubes that a plane across an axis goes through, at a place in metres."""
-    return cubes[np.abs(cubes.centre[:, axis] - place) < cubes.width]
+    return cubes[np.abs(cubes.centre[:, axis] - place) < cubes.half_width]
 
 
 def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
@@ -194,7 +193,7 @@ def _squares(axes: Axes, cubes: KeptCubes, shown: tuple[int, int]) -> None:
 
     axes.set_facecolor(PAPER)
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    squares = cubes.centre[:, None, shown] + cubes.width[:, None, None] * corners
+    squares = cubes.centre[:, None, shown] + cubes.half_width[:, None, None] * corners
     drawn = PolyCollection(squares, facecolor=ORANGE, edgecolor="white", linewidth=0.1)
     drawn.set_rasterized(True)  # there are too many for a file of lines
     axes.add_collection(drawn)

@@ -30,10 +30,25 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 #: A point has to be so many metres farther away than its tolerance.
 SURPLUS = 1e-6
+# The rounding stated above is bounded up to these: so many motions, numbers in metres or
+# radians, and entries of RᵀR − 1 of a frame's rotation R. If one is larger, `SURPLUS` may be
+# too small.
+_MOST_MOTIONS = 20
+_LARGEST_NUMBER = 20
+_LARGEST_SKEW = 1e-14
+# About so many boxes are evaluated together: more need more memory.
+_BOXES_AT_ONCE = 20_000
+# A distance in metres that is not 0, by which it is safe to divide.
+_TINY_M = 1e-300
 
 
 def check(proof: dict[str, Any]) -> int:
-    """Return the number of leaves; ValueError if in one of them no point misses its target."""
+    """Return the number of leaves; ValueError if in one of them no point misses its target.
+
+    The keys of a proof are those of `unreachable.upright_motions`, the limits `lower` and
+    `upper`, (n,), in rad or m, and `splits`, (boxes,): for each box, level by level, the joint
+    at whose middle it is bisected, or −1 for a leaf. Of two halves the lower one comes first.
+    """
     require_claim(proof)
     require_bounded_rounding(proof)
     low, high = (np.array(proof[side], dtype=float)[:, None] for side in ("lower", "upper"))
@@ -42,7 +57,7 @@ def check(proof: dict[str, Any]) -> int:
         split, splits = splits[: low.shape[1]], splits[low.shape[1] :]
         ends, parts = np.flatnonzero(split < 0), np.flatnonzero(split >= 0)
         points = range(len(proof["starts"]))
-        for own in np.array_split(ends, 1 + len(ends) // 20_000):
+        for own in np.array_split(ends, 1 + len(ends) // _BOXES_AT_ONCE):
             away = [distances(proof, point, low[:, own], high[:, own]) for point in points]
             if len(split) < low.shape[1] or not np.all(np.max(away, axis=0) > SURPLUS):
                 raise ValueError("boxes are left over, or no point misses its target from one")
@@ -66,10 +81,10 @@ def require_claim(proof: dict[str, Any]) -> None:
         splits, slides = array(proof["splits"], (int,)), array(proof["slides"], (bool,))
     except (KeyError, TypeError, OverflowError) as error:
         raise ValueError(f"{error} is missing, or no row of numbers") from None
-    lower, upper, shares, frames, *points = numbers
+    lower, upper, multipliers, frames, *points = numbers
     n, motions, count = len(lower), len(frames), len(points[0])
     shapes = ((n,), (n,), (motions, n), (motions, 3, 4), (count, 3), (count, 3), (count,))
-    found = [each.shape for each in (lower, upper, shares, frames, *points)]
+    found = [each.shape for each in (lower, upper, multipliers, frames, *points)]
     if not min(n, motions, count) or found != list(shapes) or slides.shape != (motions,):
         raise ValueError("numbers of joints, motions or points are 0, or do not agree")
     if splits.ndim != 1 or not np.all(splits < n):
@@ -96,18 +111,24 @@ def require_bounded_rounding(proof: dict[str, Any]) -> None:
     travel = np.abs(proof["multipliers"]) @ np.max(np.abs(limits), axis=0)
     numbers = (frames, travel, proof["starts"], proof["targets"])
     skew = np.abs(frames[:, :, :3].swapaxes(1, 2) @ frames[:, :, :3] - np.eye(3)).max()
-    if max(np.max(np.abs(each)) for each in numbers) > 20 or len(frames) > 20 or skew > 1e-14:
+    largest = max(np.max(np.abs(each)) for each in numbers)
+    if largest > _LARGEST_NUMBER or len(frames) > _MOST_MOTIONS or skew > _LARGEST_SKEW:
         raise ValueError("rounding is not bounded")
 
 
 def distances(proof: dict[str, Any], point: int, low: Array, high: Array) -> Array:
-    """Return how far a point misses its target at least in boxes (n, B), metres, (B,)."""
-    share, turns = np.array(proof["multipliers"]), ~np.array(proof["slides"], dtype=bool)
-    middle, half = share @ (low + high) / 2, np.abs(share) @ (high - low) / 2
+    """Return how far a point misses its target at least in boxes (n, B), metres, (B,).
+
+    It is below 0 if the point may be there. `form` has the columns c, g_1, g_2, … of the text
+    above, (4, columns, B): rows x, y, z, and 1 for c or 0 for a g. `rest` is R, (B,).
+    """
+    multipliers, turns = np.array(proof["multipliers"]), ~np.array(proof["slides"], dtype=bool)
+    middle, half = multipliers @ (low + high) / 2, np.abs(multipliers) @ (high - low) / 2
     form = np.multiply.outer([*proof["starts"][point], 1.0], np.ones((1, low.shape[1])))
     rest = np.zeros(low.shape[1])
-    for k in reversed(range(len(share))):
+    for k in reversed(range(len(multipliers))):
         angle, slide = half[k] * turns[k], half[k] * ~turns[k]
+        # x + iy of all columns, turned about z by the middle of the part.
         flat = (form[0] + 1j * form[1]) * np.exp(1j * middle[k] * turns[k])
         lever, flat = np.abs(flat), np.where(angle > 1, 0.0, flat)
         small = angle * (angle / 2 * lever[0] + np.sum(lever[1:], axis=0))
@@ -118,7 +139,7 @@ def distances(proof: dict[str, Any], point: int, low: Array, high: Array) -> Arr
         form[:3] = np.tensordot(proof["placements"][k], form, 1)
     off = form[:3, 0] - np.reshape(proof["targets"][point], (3, -1))
     far = np.linalg.norm(off, axis=0)
-    along = np.abs(np.sum(off[:, None] / np.maximum(far, 1e-300) * form[:3, 1:], axis=0))
+    along = np.abs(np.sum(off[:, None] / np.maximum(far, _TINY_M) * form[:3, 1:], axis=0))
     return np.asarray(far - along.sum(axis=0) - rest - proof["tolerances"][point])
 
 

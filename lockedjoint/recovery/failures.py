@@ -2,7 +2,8 @@
 
 What comes in: a robot and its failures, of the four kinds below, each of a joint by its name.
 What goes out: a `Damage`, whose chain has only the joints that can still move, with the ranges
-and speeds that are left. To add a kind of failure, write its dataclass, add it to `Failure` and
+and speeds that are left. Of the healthy arm n joints can move, of what is left m, and N is the
+number of configurations. To add a kind of failure, write its dataclass, add it to `Failure` and
 `_KINDS`, and say in `_reduced` what it does to the chain.
 """
 
@@ -20,7 +21,7 @@ from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
 from lockedjoint.robot import Robot
 
-# The start may have a locked joint this far from where it has locked.
+# The start may have a locked joint this far from where it has locked: texts round positions.
 _LOCK_TOLERANCE_M_OR_RAD = 1e-6
 # A joint with a smaller share of its speed counts as locked, and is refused.
 _LEAST_SPEED_SHARE = 1e-6
@@ -171,7 +172,7 @@ class Damage:
         return all_joints
 
     def start(self, configuration: FloatArray) -> FloatArray:
-        """Return the part of the healthy arm's configuration that can move.
+        """Return the part, (m,), of the healthy arm's configuration, (n,), that can move.
 
         Raises
         ------

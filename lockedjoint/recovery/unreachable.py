@@ -23,19 +23,22 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.recovery.check_proof import SURPLUS, check, distances
 from lockedjoint.recovery.goal import REACHED, ToolGoal
 
-# Distance between points of the tool, as a share of the arm's length.
+# Distance between points of the tool, as a share of the arm's length. If it is larger, a wrong
+# orientation moves the points more, but the bounds on where they go are wider.
 _SPREAD_SHARE = 0.3
-# Number of boxes that are evaluated together.
+# Number of boxes that are evaluated together: more need more memory.
 _BOXES_AT_ONCE = 10_000
-# Largest number of leaves of a proof that is checked right away.
+# Largest number of leaves (boxes that are not bisected) of a proof that is checked right away.
+# A larger proof counts as numerical, since the check takes long.
 _MOST_CHECKED_LEAVES = 500_000
 # Width of a joint's range above which it is not bisected sooner for being wider.
 _WIDE_M_OR_RAD = 1.0
 # Distance in metres by which a point has to miss its tolerance here. The checker wants half of
 # it: the rest keeps a proof valid if its sums are rounded in another way there.
 _SEARCH_SURPLUS_M = 2 * SURPLUS
-# Square of the sine of the angle between two axes below which they count as parallel.
-_PARALLEL = 1e-9
+# Square of the sine of the angle between two axes below which they count as parallel. Any value
+# leaves proofs valid: it only chooses the points of the tool.
+_PARALLEL_SINE_SQUARED = 1e-9
 # Joints move about the z axis of their frames, or along it.
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -126,35 +129,56 @@ def _splits(
     they are those of the boxes of a level, (n, boxes of the level). None if there would be more
     than `most_boxes`.
     """
-    starts, shifts = np.array(proof["starts"]), np.array(proof["placements"])[:, :, 3]
-    # Levers bound how far from each axis the points are that it moves, (motions,). Weights are
-    # what a joint moves them by at most, in metres for a unit of the joint, (n, 1).
-    after = [np.linalg.norm(starts, axis=1).max(), *np.linalg.norm(shifts[:0:-1], axis=1)]
-    levers = np.where(proof["slides"], 1.0, np.cumsum(after)[::-1])
-    weights = np.abs(proof["multipliers"]).T @ levers[:, None]
+    weights = _weights(proof)
     splits, count = [np.zeros(0, dtype=int)], 0
     while low.size:
         count += low.shape[1]
         if count + 2 * low.shape[1] > most_boxes:
             return None
         split = np.full(low.shape[1], -1)
-        for left in np.split(
+        for together in np.split(
             np.arange(len(split)), range(_BOXES_AT_ONCE, len(split), _BOXES_AT_ONCE)
         ):
-            # `left` holds the boxes that no point before this one has excluded.
-            for point in range(len(starts)):
-                away = distances(proof, point, low[:, left], high[:, left])
-                left = left[away <= _SEARCH_SURPLUS_M]
+            left = _left(proof, low, high, together)
+            # The joint is bisected whose range may move the points most.
             split[left] = np.argmax(
                 weights * np.minimum((high - low)[:, left], _WIDE_M_OR_RAD), axis=0
             )
         splits.append(split)
         parts = np.flatnonzero(split >= 0)
+        # Each box that is bisected becomes two neighbours: the lower half first.
         joint, first = split[parts], np.arange(0, 2 * len(parts), 2)
         low, high = (np.repeat(side[:, parts], 2, axis=1) for side in (low, high))
         middle = (low[joint, first] + high[joint, first]) / 2
         high[joint, first] = low[joint, first + 1] = middle
     return np.concatenate(splits)
+
+
+def _weights(proof: dict[str, Any]) -> FloatArray:
+    """Return about how far a joint moves the tool's points at most, in m per rad or m, (n, 1).
+
+    A motion that slides moves them as far as it goes. One that turns moves them by at most its
+    angle times the lever: the sum of the lengths of all translations after it, and the greatest
+    distance of a point from the last frame's origin. What joints slide is left out, since this
+    only chooses which joint is bisected: no proof depends on it.
+    """
+    starts, shifts = np.array(proof["starts"]), np.array(proof["placements"])[:, :, 3]
+    after = [np.linalg.norm(starts, axis=1).max(), *np.linalg.norm(shifts[:0:-1], axis=1)]
+    levers = np.where(proof["slides"], 1.0, np.cumsum(after)[::-1])
+    return np.asarray(np.abs(proof["multipliers"]).T @ levers[:, None])
+
+
+def _left(
+    proof: dict[str, Any], low: FloatArray, high: FloatArray, boxes: IntArray
+) -> IntArray:
+    """Return the numbers of those of some boxes in which no point is seen to miss its target.
+
+    `low` and `high` are the ends of all boxes of a level, (n, boxes of the level).
+    """
+    for point in range(len(proof["starts"])):
+        away = distances(proof, point, low[:, boxes], high[:, boxes])
+        boxes = boxes[away <= _SEARCH_SURPLUS_M]
+    return boxes
 
 
 def _tool_points(
@@ -181,6 +205,7 @@ def _tool_points(
         starts = _foot(placements[-1])[:, None] + around
     offsets = end[:3, :3].T @ (starts - end[:3, 3:])
     targets = goal.pose.rotation @ offsets + goal.position[:, None]
+    # A rotation by an angle moves a point at a distance r by at most 2 r sin(angle/2).
     spread = 2 * np.sin(goal.pose.angle / 2) * np.linalg.norm(offsets, axis=0)
     near = goal.pose.tolerance + spread + REACHED
     columns = {"starts": starts.T, "targets": targets.T, "tolerances": near}
@@ -200,6 +225,8 @@ def _foot(last: FloatArray) -> FloatArray:
     origin, axis = before[:3, 3], before[:3, 2]
     square = axis[0] ** 2 + axis[1] ** 2
     height = (
-        origin[2] - axis[2] * (origin[:2] @ axis[:2]) / square if square > _PARALLEL else 0.0
+        origin[2] - axis[2] * (origin[:2] @ axis[:2]) / square
+        if square > _PARALLEL_SINE_SQUARED
+        else 0.0
     )
     return np.array([0.0, 0.0, height])

@@ -2,6 +2,7 @@
 
 What comes in: middles of cubes, shape (k, m), m = 2 in the plane and 3 in space, and their half
 width, in metres. What goes out: the middles of the cubes, or of parts of them, that are proved.
+A half width is half of a cube's edge or of an interval.
 
 `kept_proofs` has the test of one `Pairs`: cubes, each with an interval of positions of the
 joint that is locked. What it does not prove is tried again with half the interval or half the
@@ -22,13 +23,15 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.workspaces.kept_cubes import KeptCubes
 from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 
-# The number of random starts of the inverse kinematics for a pair.
+# The number of random starts of the inverse kinematics for a pair. More takes longer, and
+# misses fewer configurations: more is proved. No number makes a proof wrong.
 _STARTS = 24
 #: The number of these starts that look for a better solution after the first.
 BETTER_STARTS = 2
-# The least half width of an interval, in radians or metres.
+# The least half width of an interval, in radians or metres. If it is smaller, more is tried
+# before a cube is halved or given up.
 _NARROWEST_HALF_WIDTH = 1e-4
-# The number of pairs that are worked on at once.
+# The number of pairs that are worked on at once: more need more memory.
 _PAIRS_AT_ONCE = 20_000
 # The test is of cubes a little wider: those of a file are on their grid to a part in 10⁹.
 _WIDENED = 1 + 1e-7
@@ -39,7 +42,7 @@ _FAR_HALF_WIDTHS = 2.0
 def proved_cubes(
     proofs: KeptProofs,
     centre: FloatArray,
-    width: float,
+    half_width: float,
     levels: int,
     rng: np.random.Generator,
     better_starts: int = BETTER_STARTS,
@@ -51,7 +54,7 @@ def proved_cubes(
     ----------
     proofs
         The test, which knows the arm and its limits.
-    centre, width
+    centre, half_width
         Middles of the first cubes, shape (k, m), and their half width, in metres.
     levels
         How often cubes are halved.
@@ -63,7 +66,7 @@ def proved_cubes(
         Parts are looked at only if they are parts of these cubes, or hold one; by default all.
     """
     half_steps = np.array(list(product((-1, 1), repeat=len(proofs.rows)))) / 2
-    pairs = proofs.whole(centre, width * _WIDENED)
+    pairs = proofs.whole(centre, half_width * _WIDENED)
     for level in range(levels + 1):
         unproved, given_up = _try_to_prove(proofs, pairs, len(centre), rng, better_starts)
         proved = ~given_up
@@ -71,14 +74,16 @@ def proved_cubes(
         yield centre[proved]
         if level == levels:
             return
-        centre, pairs = _halved(unproved[~given_up[unproved.cube]], centre, width, half_steps)
-        width /= 2
+        centre, pairs = _halved(
+            unproved[~given_up[unproved.cube]], centre, half_width, half_steps
+        )
+        half_width /= 2
         if wanted is not None:
-            centre, pairs = _only_wanted(centre, pairs, width, wanted)
+            centre, pairs = _only_wanted(centre, pairs, half_width, wanted)
 
 
 def _halved(
-    pairs: Pairs, centre: FloatArray, width: float, half_steps: FloatArray
+    pairs: Pairs, centre: FloatArray, half_width: float, half_steps: FloatArray
 ) -> tuple[FloatArray, Pairs]:
     """Return the parts of the cubes that pairs are of: their middles, and their pairs.
 
@@ -86,13 +91,13 @@ def _halved(
     """
     whole, number = np.unique(pairs.cube, return_inverse=True)
     count = len(half_steps)
-    parts = (centre[whole][:, None] + width * half_steps).reshape(-1, centre.shape[1])
+    parts = (centre[whole][:, None] + half_width * half_steps).reshape(-1, centre.shape[1])
     return parts, Pairs.joined(
         [
             replace(
                 pairs,
                 cube=count * number + part,
-                centre=pairs.centre + width * half_step,
+                centre=pairs.centre + half_width * half_step,
                 width=pairs.width / 2,
             )
             for part, half_step in enumerate(half_steps)
@@ -101,29 +106,29 @@ def _halved(
 
 
 def _only_wanted(
-    centre: FloatArray, pairs: Pairs, width: float, wanted: KeptCubes
+    centre: FloatArray, pairs: Pairs, half_width: float, wanted: KeptCubes
 ) -> tuple[FloatArray, Pairs]:
     """Return the cubes of one half width, and their pairs, that meet cubes that are wanted."""
     meets = np.zeros(len(centre), dtype=bool)
-    for other_width in np.unique(wanted.width):
-        others = wanted.centre[wanted.width == other_width]
-        here, there = cells_of_both(centre, others, max(other_width, width))
+    for other_half_width in np.unique(wanted.half_width):
+        others = wanted.centre[wanted.half_width == other_half_width]
+        here, there = cells_of_both(centre, others, max(other_half_width, half_width))
         meets |= np.isin(here, there)
     new_number = np.cumsum(meets) - 1
     pairs = pairs[meets[pairs.cube]]
     return centre[meets], replace(pairs, cube=new_number[pairs.cube])
 
 
-def cells(centre: FloatArray, width: float) -> FloatArray:
+def cells(centre: FloatArray, half_width: float) -> FloatArray:
     """Return the places, (k, m), of points in the grid of cubes of a half width."""
-    return np.asarray(np.floor(centre / (2 * width)))
+    return np.asarray(np.floor(centre / (2 * half_width)))
 
 
 def cells_of_both(
-    one: FloatArray, other: FloatArray, width: float
+    one: FloatArray, other: FloatArray, half_width: float
 ) -> tuple[IntArray, IntArray]:
     """Return the numbers of the cells of two lists of points: equal for equal cells."""
-    both = np.concatenate([cells(one, width), cells(other, width)])
+    both = np.concatenate([cells(one, half_width), cells(other, half_width)])
     numbers = np.unique(both, axis=0, return_inverse=True)[1].ravel()
     return numbers[: len(one)], numbers[len(one) :]
 

@@ -40,13 +40,15 @@ _PASSES = (
     _Pass(halvings=2, better_starts=24),
     _Pass(halvings=3, better_starts=24),
 )
-# The last pass is made again at most so often, if few cubes are left.
+# The last pass is made again at most so often, if few cubes are left: more takes longer, and
+# may prove a cube for which random starts had no luck.
 _REPEATED_PASSES = 30
 # Cubes are few below this share of all.
 _FEW_SHARE = 0.01
-# The cubes that a proof begins with are so many times as wide as the smallest.
+# The cubes that a proof begins with are so many times as wide as the smallest. A power of 2: a
+# larger one saves work only if cubes of that size can be proved.
 _LARGER = 8
-# The number of these large cubes that are worked on at once.
+# The number of these large cubes that are worked on at once: more needs more memory.
 _LARGE_CUBES_AT_ONCE = 40
 # The parts of a cube fill it up to this share, which is rounding.
 _FILLED_SHARE = 1 - 1e-9
@@ -82,7 +84,7 @@ def check_cubes(
     """
     if not on_one_grid(cubes):
         raise InputError("cubes", "beside a grid", "those of one grid, halved again and again")
-    proved = np.zeros(len(cubes.width), dtype=bool)
+    proved = np.zeros(len(cubes.half_width), dtype=bool)
     few = max(1, _FEW_SHARE * len(proved))
     for turn, how in enumerate((*_PASSES, *[_PASSES[-1]] * _REPEATED_PASSES)):
         left = np.flatnonzero(~proved)
@@ -100,7 +102,7 @@ def check_cubes(
 
 def _groups(cubes: KeptCubes, left: IntArray) -> list[IntArray]:
     """Return the numbers of the cubes that are left, those in one large cube together."""
-    large = cells(cubes.centre[left], cubes.width.min() * _LARGER)
+    large = cells(cubes.centre[left], cubes.half_width.min() * _LARGER)
     number = np.unique(large, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(number, kind="stable")
     first_of_each = np.flatnonzero(np.diff(number[order], prepend=-1))
@@ -110,22 +112,31 @@ def _groups(cubes: KeptCubes, left: IntArray) -> list[IntArray]:
 def _prove_group(
     how: _Pass, seed: list[int], numbers: IntArray, cubes: KeptCubes
 ) -> tuple[IntArray, BoolArray]:
-    """Return the numbers of some cubes, and which of them are proved."""
-    smallest = float(cubes.width.min())
-    width = max(float(cubes.width.max()), smallest * _LARGER)
-    levels = how.halvings + round(np.log2(width / smallest))
-    large = (np.unique(cells(cubes.centre, width), axis=0) + 0.5) * 2 * width
+    """Return the numbers of some cubes, (k,), and which of them are proved, (k,).
+
+    `seed` is the user's and the number of the pass; `numbers` are the cubes' own in the file.
+    A part of half width p that is inside a cube of half width w fills (p/w)^m of it; a part
+    that is not smaller fills it all.
+    """
+    smallest = float(cubes.half_width.min())
+    half_width = max(float(cubes.half_width.max()), smallest * _LARGER)
+    levels = how.halvings + round(np.log2(half_width / smallest))
+    large = (np.unique(cells(cubes.centre, half_width), axis=0) + 0.5) * 2 * half_width
     rng = np.random.default_rng([*seed, numbers[0]])
     proofs = KeptProofs(cubes.arm, cubes.limits)
-    found = proved_cubes(proofs, large, width, levels, rng, how.better_starts, cubes)
+    found = proved_cubes(proofs, large, half_width, levels, rng, how.better_starts, cubes)
     dimension = cubes.centre.shape[1]
-    # The share says how much of each cube is proved, from 0 to 1.
-    share = np.zeros(len(numbers))
+    # How much of each cube is proved, from 0 to 1: parts do not overlap, so shares add up.
+    proved_share = np.zeros(len(numbers))
     for level, centre in enumerate(found):
-        part_width = width / 2**level
-        for own_width in np.unique(cubes.width):
-            own = cubes.width == own_width
-            here, there = cells_of_both(cubes.centre[own], centre, max(own_width, part_width))
+        part_half_width = half_width / 2**level
+        for own_half_width in np.unique(cubes.half_width):
+            own = cubes.half_width == own_half_width
+            here, there = cells_of_both(
+                cubes.centre[own], centre, max(own_half_width, part_half_width)
+            )
             counts = np.bincount(there, minlength=len(here) + len(there))[here]
-            share[own] += counts * min(1.0, part_width / own_width) ** dimension
-    return numbers, share > _FILLED_SHARE
+            proved_share[own] += (
+                counts * min(1.0, part_half_width / own_half_width) ** dimension
+            )
+    return numbers, proved_share > _FILLED_SHARE

@@ -2,6 +2,9 @@
 
 What is reached after a failure does not depend on the artificial limits. It is stored for each
 joint and each of a grid of positions ("slices") at which it may lock.
+
+A flat grid has its voxels in one row, in C order. Packed bits are eight voxels of it in a byte,
+the first one in the highest bit, as `numpy.packbits` has them.
 """
 
 from __future__ import annotations
@@ -19,13 +22,15 @@ from lockedjoint.kinematics.serial_chain import Bits, Ranges, at_zero, opened, p
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
-#: Positions at which a joint may lock are this far apart by default.
+#: Positions at which a joint may lock are this far apart by default. Less is more exact, and
+#: takes more time and memory.
 SLICE_RAD = np.deg2rad(5.0)
 # The end of a range is on a slice if it is beyond it by less than this share of a slice.
 _ROUNDING_SLICES = 1e-9
-# Slices may not be narrower.
+# Slices may not be narrower than 0.1 degrees, less a little for rounding: more of them need too
+# much memory.
 _LEAST_SLICE_RAD = np.deg2rad(0.0999)
-# Inverse kinematics has at most so many random starts for a point.
+# Inverse kinematics has at most so many random starts for a point: fewer miss more points.
 _MOST_STARTS = 24
 
 
@@ -40,7 +45,8 @@ class FailureSets(ABC):
     dimension
         2 or 3.
     shape, corner
-        Of the grid of voxels in the frame of joint 1; the first one's place, in voxels.
+        Numbers of voxels along the axes of the frame of joint 1, and where the centre of the
+        first voxel is, in voxels, (dimension,).
     slices
         By joint, the positions at which it may lock.
     clearance
@@ -66,7 +72,7 @@ class FailureSets(ABC):
 
     @abstractmethod
     def before(self, limits: Ranges) -> Bits:
-        """Voxels that are reached within limits, before a failure."""
+        """Voxels that are reached within limits, before a failure: truth values of `shape`."""
 
     @abstractmethod
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
@@ -113,7 +119,7 @@ class FailureSets(ABC):
         return reached
 
     def after(self, limits: Ranges) -> Bits:
-        """Voxels that are reached after every failure within limits."""
+        """Voxels that are reached after every failure within limits: values of `shape`."""
         bits = [self._after_joint(joint, limits) for joint in self.slices]
         return self._unpacked(np.bitwise_and.reduce(bits))
 
@@ -137,6 +143,7 @@ class FailureSets(ABC):
         limits = list(physical_ranges(self.arm))
         for joint, places in self.slices.items():
             unit, wraps = places[1] - places[0], self.arm.joints[joint].continuous
+            # The voxel's bit is number voxel % 8 of byte voxel // 8, for each slice.
             there = np.unpackbits(self._reached[joint][:, voxel >> 3, None], axis=1)
             place = float(configuration[joint] - places[0]) / unit
             run = _run(there[:, voxel & 7].astype(bool), place, wraps)
@@ -177,16 +184,22 @@ class FailureSets(ABC):
 
     @property
     def unit(self) -> float:
-        """Area or volume of a voxel."""
+        """Area or volume of a voxel, in m² or m³."""
         return float(self.voxel**self.dimension)
 
     def _after_joint(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
+        """Return what is reached wherever in limits a joint locks: packed bits, (bytes,)."""
         return np.asarray(np.bitwise_and.reduce(self._after_each(joint, limits)))
 
     def _after_each(self, joint: int, limits: Ranges) -> npt.NDArray[np.uint8]:
+        """Return what is reached after each slice in limits: packed bits, (slices, bytes)."""
         return self._reached[joint][self._within(joint, limits)]
 
     def _positions(self, joint: int) -> FloatArray:
+        """Return a joint's slices in its physical range, evenly spaced, in radians or metres.
+
+        Of a joint that turns without end the last one is left out: it is the first again.
+        """
         moves = self.arm.joints[joint]
         step = 2 * self.voxel if moves.prismatic else self.step
         count = max(2, int(np.ceil((moves.upper - moves.lower) / step)) + 1)
@@ -194,6 +207,7 @@ class FailureSets(ABC):
         return places[:-1] if moves.continuous else places
 
     def _within(self, joint: int, limits: Ranges) -> IntArray:
+        """Return the numbers of a joint's slices in limits, and of the next ones outside."""
         places = self.slices[joint]
         first, last = ((end - places[0]) / (places[1] - places[0]) for end in limits[joint])
         chosen = np.arange(
@@ -204,12 +218,18 @@ class FailureSets(ABC):
         return np.unique(np.clip(chosen, 0, len(places) - 1))
 
     def _unpacked(self, bits: npt.NDArray[np.uint8]) -> Bits:
+        """Return packed bits, (bytes,), as truth values of the grid's shape."""
         count = int(np.prod(self.shape))
         return np.unpackbits(bits, count=count).view(bool).reshape(self.shape)
 
 
 def _run(there: Bits, place: float, wraps: bool) -> tuple[int, int] | None:
-    """Return the ends of the run of True about a place; the run may wrap once."""
+    """Return the numbers of the first and last True of the run about a place, or None.
+
+    `place` is in slices, and may be between two: both have to be True. If `wraps`, the last
+    slice has the first beside it; ends may be beyond 0 to the number of slices, and the run is
+    one turn long at most.
+    """
     count, shift = len(there), 0
     if wraps:
         shift = count * (math.floor(place / count) - 1)

@@ -41,9 +41,10 @@ _SHAPES = {
     "half_width": "k",
 }
 # A cube may be off its grid by this share of its edge, and the binary logarithm of a ratio of
-# widths off a whole number by this much.
+# half widths off a whole number by this much. It allows for rounding: more would let cubes
+# overlap by that share, and 0 would refuse files that are right.
 _OFF_GRID_SHARE = 1e-9
-# Entries of a rotation may be wrong by this.
+# Entries of a rotation may be wrong by this: more would accept matrices that stretch.
 _ROTATION_TOLERANCE = 1e-9
 
 
@@ -55,30 +56,30 @@ class KeptCubes:
     ----------
     arm, limits
         The arm, and the artificial limits of its joints, in radians or metres.
-    centre, width
+    centre, half_width
         Middles, shape (k, m), and half widths, (k,), in metres. No two overlap.
     """
 
     arm: Chain
     limits: Ranges
     centre: FloatArray
-    width: FloatArray
+    half_width: FloatArray
 
     @property
     def size(self) -> float:
         """Area or volume of all cubes, in m² or m³: a lower bound of what is kept."""
-        return float(np.sum((2 * self.width) ** self.centre.shape[1]))
+        return float(np.sum((2 * self.half_width) ** self.centre.shape[1]))
 
     @staticmethod
     def joined(parts: Sequence[KeptCubes]) -> KeptCubes:
         """Return the cubes of all parts, of which there is one at least, of the same arm."""
         centre = np.concatenate([part.centre for part in parts])
-        width = np.concatenate([part.width for part in parts])
-        return replace(parts[0], centre=centre, width=width)
+        half_width = np.concatenate([part.half_width for part in parts])
+        return replace(parts[0], centre=centre, half_width=half_width)
 
     def __getitem__(self, which: BoolArray | IntArray) -> KeptCubes:
-        """Return some of the cubes."""
-        return replace(self, centre=self.centre[which], width=self.width[which])
+        """Return some of the cubes: a truth value for each, (k,), or the numbers of some."""
+        return replace(self, centre=self.centre[which], half_width=self.half_width[which])
 
     def to_bytes(self) -> bytes:
         """Return an NPZ file of arrays, which says all that a proof needs.
@@ -98,7 +99,7 @@ class KeptCubes:
             tip=tip_of(self.arm),
             limits=self.limits,
             centre=self.centre,
-            half_width=self.width,
+            half_width=self.half_width,
         )
         return file.getvalue()
 
@@ -152,13 +153,13 @@ class KeptCubes:
         """Say in one line how much is kept for certain."""
         unit = "m²" if self.centre.shape[1] == 2 else "m³"
         size = f"{self.size:.4g} {unit}"
-        return f"<KeptCubes: at least {size} in {len(self.width)} cubes, proved>"
+        return f"<KeptCubes: at least {size} in {len(self.half_width)} cubes, proved>"
 
 
 def on_one_grid(cubes: KeptCubes) -> bool:
     """Return whether cubes are those of a grid at the origin, halved again and again."""
-    halved = np.log2(cubes.width.max() / cubes.width)
-    places = cubes.centre / (2 * cubes.width[:, None])
+    halved = np.log2(cubes.half_width.max() / cubes.half_width)
+    places = cubes.centre / (2 * cubes.half_width[:, None])
     off = np.concatenate([halved - np.round(halved), np.ravel(places - np.floor(places) - 0.5)])
     return bool(np.all(np.abs(off) <= _OFF_GRID_SHARE))
 
@@ -167,9 +168,11 @@ def _apart(cubes: KeptCubes) -> bool:
     """Return whether no two cubes overlap, of one grid."""
     if not on_one_grid(cubes):
         return False
-    for width in np.unique(cubes.width):
-        cells = np.floor(cubes.centre[cubes.width <= width] / (2 * width))
-        own = cubes.width[cubes.width <= width] == width
+    # A cube of this half width overlaps no other as large or smaller if the cells of both, in
+    # the grid of this half width, differ.
+    for half_width in np.unique(cubes.half_width):
+        cells = np.floor(cubes.centre[cubes.half_width <= half_width] / (2 * half_width))
+        own = cubes.half_width[cubes.half_width <= half_width] == half_width
         taken = set(map(tuple, cells[own].tolist()))
         if len(taken) != own.sum() or not taken.isdisjoint(map(tuple, cells[~own].tolist())):
             return False

@@ -21,6 +21,9 @@ S_c the sum of |U|x over joints up to c that turn, D_c the most that the tip is 
 joint c meanwhile, d the joints that slide. All of q⁰ ± |U|x has to be within the limits. What Y
 misses of an inverse, and q⁰ of the position, is added. Rounding is paid for by `_ROUNDING`,
 some thousand times what it is.
+
+In shapes k is the number of pairs (a cube and an interval), n that of joints, and m = 2 in the
+plane or 3 in space that of coordinates of a position. Lengths are in metres, angles in radians.
 """
 
 from __future__ import annotations
@@ -45,13 +48,19 @@ from lockedjoint.kinematics.serial_chain import (
 )
 from lockedjoint.nlp.arrays import FloatArray
 
-# The amount that is added for rounding, in metres and radians.
+# The amount that is added for rounding, in metres and radians. If it is larger, less is proved;
+# below what rounding is, proofs would be wrong.
 _ROUNDING = 1e-10
-# The least singular value of a matrix that is inverted.
+# The least singular value of a matrix that is inverted. It saves trials that would fail: Y is
+# large near singularities. No value makes a proof wrong.
 _LEAST_SIGMA = 1e-2
-# The number of times that r is widened.
+# The number of times that r is widened, each time to so many times the image of the map, and
+# its largest value in metres. No values make a proof wrong; more times take longer.
 _WIDENINGS = 6
-# A joint moves freely from this distance to its limit on, in radians or metres.
+_WIDENED = 1.05
+_LARGEST_R_M = 1.0
+# A joint moves freely from this distance to its limit on, in radians or metres; nearer, Y gives
+# the others more to do.
 _FREE_DISTANCE = 0.3
 #: The distance by which a configuration of the inverse kinematics may miss, in metres.
 REACHED = 2e-9
@@ -59,7 +68,8 @@ REACHED = 2e-9
 _DAMPING = 1e-12
 # The number of steps of the inverse kinematics.
 _STEPS = 25
-# The half width of the first intervals, in radians or metres.
+# The largest half width of the first intervals, in radians or metres. Those that are too
+# wide are halved later: it mainly changes how long that takes.
 _WIDEST_HALF_WIDTH = 0.25
 
 
@@ -88,7 +98,8 @@ class Pairs(Rows):
     centre, width
         Its middle, shape (k, m), and half width, (k,), in metres.
     joint, middle, half
-        The joint that is locked, n before a failure, and the interval, shape (k,).
+        The joint that is locked, or n before a failure; and the middle and half width of the
+        interval of its positions, in radians or metres; each of shape (k,).
     q
         Configurations that reach the middles, shape (k, n); NaN where none is known.
     """
@@ -109,6 +120,7 @@ class KeptProofs:
     """Tries to prove of pairs that every position is reached with the joint locked anywhere."""
 
     def __init__(self, arm: Chain, limits: Ranges) -> None:
+        #: Between which positions a joint locks, (n + 1, 2); the last row is no failure.
         self.arm, self.ends = arm, np.array([*limits, (0.0, 0.0)])
         self.rows = [0, 1] if is_planar(arm) else [0, 1, 2]
         self.n = len(arm.joints)
@@ -121,11 +133,14 @@ class KeptProofs:
             for after, before in zip(physical, artificial, strict=True)
         )
         travels = self.slides * np.max(np.abs(physical_ranges(arm)), axis=1)
-        #: The most that the tip is from the axis of each joint.
+        #: The most that the tip is from the axis of each joint, in metres, shape (n,).
         self.far = np.cumsum((link_lengths(arm) + travels)[::-1])[::-1]
 
     def whole(self, centre: FloatArray, width: float) -> Pairs:
-        """Return all pairs of cubes, (k, m), with intervals that cover the joints' limits."""
+        """Return all pairs of cubes with intervals that cover the joints' artificial limits.
+
+        `centre` has the middles of the cubes, (cubes, m), and `width` is their half width.
+        """
         pieces = [
             1
             if k == self.n or idle_joints(self.arm)[k]
@@ -142,7 +157,7 @@ class KeptProofs:
         return Pairs(cube, centre[cube], widths, joint[own], middle[own], half[own], unknown)
 
     def reached(self, pairs: Pairs, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return configurations near a start, (n, k), and what they miss of the middles."""
+        """Return configurations near a start, (n, k), and how far each misses its middle."""
         lower, upper = self._limits(pairs)
         target = pairs.centre.T
 
@@ -180,7 +195,12 @@ class KeptProofs:
         return np.where(np.isinf(lower), -np.pi, least), np.where(np.isinf(upper), np.pi, most)
 
     def hold(self, pairs: Pairs) -> tuple[BoolArray, FloatArray, BoolArray]:
-        """Return of which pairs the test holds, how hard it was, and whether θ made it so."""
+        """Return of which pairs the test holds, how hard it was, and whether θ made it so.
+
+        Each has the shape (k,). Hardness, no unit, only compares configurations of a pair: the
+        bend of f beside the cube's half width or, if larger, the share of a joint's room to its
+        limits that is spent.
+        """
         at, joint = np.flatnonzero(pairs.joint < self.n), pairs.joint
         joint = joint[at]
         axes, origins, tip, _ = from_first_joint(self.arm).frames(pairs.q.T)
@@ -202,7 +222,9 @@ class KeptProofs:
             image += np.einsum("bik,bk->bi", defect, wide)
             image += (missing + self._fourth_order(move, distance))[:, None]
             holds = np.all(image <= r[:, :-1], axis=1)
-            r[:, :-1] = np.where(holds[:, None], r[:, :-1], np.minimum(1.05 * image, 1.0))
+            r[:, :-1] = np.where(
+                holds[:, None], r[:, :-1], np.minimum(_WIDENED * image, _LARGEST_R_M)
+            )
         # A joint that does not move may be at its limit.
         holds &= regular & np.all(
             (move <= room - _ROUNDING) | ((move == 0) & (room >= 0)), axis=1
@@ -217,9 +239,12 @@ class KeptProofs:
     def _moves(
         self, columns: FloatArray, room: FloatArray, at: IntArray, joint: IntArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return U, (k, n, m + 1), what J U misses, and where J can be inverted well.
+        """Return U, (k, n, m + 1), what J U misses, (k, m, m + 1), and where Y is good, (k,).
 
-        Joints near their limits move less.
+        `columns` is J, (n, 3, k); `room` is what is left to the limits, (k, n); `at` has the
+        numbers of the pairs in which a joint is locked, and `joint` those joints. With J
+        without the locked column and W the weights of joints, Y = W Jᵀ (J W Jᵀ)⁻¹: joints near
+        their limits move less.
         """
         full = np.moveaxis(columns[:, self.rows], 2, 0).swapaxes(1, 2)
         jacobian, own = full.copy(), np.zeros(full.shape[:2])
@@ -239,16 +264,19 @@ class KeptProofs:
     def _curvatures(
         self, axes: FloatArray, columns: FloatArray, moves: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return |H(U_k, U_l)|/2 and |T(U_k, U_l, U_o)|/6, shape (k, m, m + 1, …)."""
+        """Return |H(U_k, U_l)|/2 and |T(U_k, U_l, U_o)|/6, shape (k, m, m + 1, …).
+
+        `axes` and `columns` of J have the shape (n, 3, k), `moves` is U, (k, n, m + 1).
+        """
         count, n, wide = moves.shape
         m, turning = wide - 1, np.flatnonzero(~self.slides)
         second, third = np.zeros((count, m, n, n)), np.zeros((count, m, n, n, n))
         for b in turning:
             # ∂²f/∂q_b∂q_c = z_b × v_c and ∂³f/∂q_a∂q_b∂q_c = z_a × (z_b × v_c) for a ≤ b ≤ c.
             once = crosses(axes[b], columns[b:])
-            second[:, :, b, b:] = second[:, :, b:, b] = self._sorted(once)
+            second[:, :, b, b:] = second[:, :, b:, b] = self._relevant_rows(once)
             for a in turning[turning <= b]:
-                twice = self._sorted(crosses(axes[a], once))
+                twice = self._relevant_rows(crosses(axes[a], once))
                 for i, j in {(a, b), (b, a)}:
                     third[:, :, i, j, b:] = third[:, :, i, b:, j] = twice
                     third[:, :, b:, i, j] = twice
@@ -257,7 +285,7 @@ class KeptProofs:
         cubic = (across @ bent).reshape(count, m, wide, wide, wide)
         return np.abs(across @ second @ moves[:, None]) / 2, np.abs(cubic) / 6
 
-    def _sorted(self, vectors: FloatArray) -> FloatArray:
+    def _relevant_rows(self, vectors: FloatArray) -> FloatArray:
         """Return the rows that count of vectors (c, 3, k), shape (k, m, c)."""
         return np.moveaxis(vectors[:, self.rows], 2, 0).swapaxes(1, 2)
 

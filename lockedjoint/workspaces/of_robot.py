@@ -157,7 +157,7 @@ class ProvedWorkspace:
 
     def __repr__(self) -> str:
         """Say in one line how much is kept for certain."""
-        count = len(self.cubes.width) if self.cubes else 0
+        count = len(self.cubes.half_width) if self.cubes else 0
         unit = "m²" if is_planar(self.arm) else "m³"
         return f"<ProvedWorkspace: {self.size:.4g} {unit} kept for certain, {count} cubes>"
 
@@ -167,8 +167,10 @@ class ProvedWorkspace:
         return {
             "kept_for_certain": self.size,
             "unit": "m²" if is_planar(self.arm) else "m³",
-            "cubes": len(cubes.width) if cubes else 0,
-            "edges": sorted({2 * width for width in cubes.width.tolist()}) if cubes else [],
+            "cubes": len(cubes.half_width) if cubes else 0,
+            "edges": sorted({2 * width for width in cubes.half_width.tolist()})
+            if cubes
+            else [],
             "kind": "proved, rounding errors included",
             "complete": self.complete,
             "limits": {k: list(v) for k, v in zip(names, self.limits, strict=True)},

@@ -31,12 +31,18 @@ from lockedjoint.workspaces.planar_geometry import (
     within_a_turn,
 )
 
-#: The number of values of ρ in a quadrature.
+#: The number of values of ρ in a quadrature, and where `shortfall` looks. More is more exact
+#: and takes longer.
 RINGS = 60
 #: The number of values of ρ for an area that is told, and in the last steps of a search.
 FINE_RINGS = 480
 # A distance that is not 0, in metres, by which it is safe to divide.
 _TINY_M = 1e-300
+# A link below this length in metres counts as none: such an arm is not of this form.
+_SHORTEST_LINK_M = 1e-6
+# The score of an arm whose rings are in wrong order begins here: above all others, which are
+# differences of angles.
+_NO_RINGS_SCORE = 10
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Planar3R:
     Parameters
     ----------
     lengths
-        Of the links, above 0.
+        Lengths of the links l1, l2, l3, above 0, in metres.
     limits
         Lower and upper artificial limit of each joint, in radians. Angle 0 of joints 2 and 3
         stretches the arm. A range of a full turn or more is no limit.
@@ -57,9 +63,13 @@ class Planar3R:
 
     @property
     def rings(self) -> tuple[float, float]:
-        """Least and largest ρ that failures of joints 2 and 3 leave; none if in wrong order."""
+        """Least and largest ρ, in metres, that failures of joints 2 and 3 leave.
+
+        If the least is not below the largest, nothing is left.
+        """
         first, second, third = self.lengths
         low, high = [], []
+        # The locked joint makes one link of the two that are `bent`; the third is `alone`.
         for bent, alone, limits in (
             ((first, second), third, self.limits[1]),
             ((second, third), first, self.limits[2]),
@@ -70,7 +80,7 @@ class Planar3R:
         return max(low), min(high)
 
     def area(self, rings: int = RINGS) -> float:
-        """Area of the failure-tolerant workspace: a quadrature over so many values of ρ."""
+        """Area of the workspace in m²: a quadrature of ∫ ρ angles(ρ) dρ over so many ρ."""
         low, high = self.rings
         if low >= high:
             return 0.0
@@ -78,11 +88,11 @@ class Planar3R:
         nodes, weights = gauss_nodes(rings)
         angle = np.pi * (nodes + 1) / 2
         rho = (low + high) / 2 - (high - low) / 2 * np.cos(angle)
-        width = np.pi / 2 * weights * (high - low) / 2 * np.sin(angle)
-        return float(np.sum(width * rho * self.angles(rho)))
+        d_rho = np.pi / 2 * weights * (high - low) / 2 * np.sin(angle)
+        return float(np.sum(d_rho * rho * self.angles(rho)))
 
     def area_with_error(self) -> tuple[float, float]:
-        """Area, and how much it differs from that of a quarter as many rings.
+        """Area, and how much it differs from that of a quarter as many rings, both in m².
 
         Where rings are left but no node of the quadrature has an arc, the error is the largest
         area between two nodes: a sliver there is not seen.
@@ -113,17 +123,22 @@ class Planar3R:
         low, high = self.rings
         total = sum(self.lengths)
         if low >= high:
-            return float(10 + (low - high) / total)
+            return float(_NO_RINGS_SCORE + (low - high) / total)
         least, largest = self._bearings(np.linspace(low, high, RINGS))
         return float(np.min(least - largest))
 
     @property
     def _half_width(self) -> float:
+        """Return h, half the range of joint 1 in radians, π at most."""
         low, high = self.limits[0]
         return min((high - low) / 2, np.pi)
 
     def _bearings(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Least and largest |φ| after a failure of joint 1, wherever it locks; see above."""
+        """Least and largest |φ| after a failure of joint 1, wherever it locks, in radians.
+
+        Both have the shape of ρ. p has to be within l2 + l3 and |l2 − l3| of joint 2,
+        wherever that is on its arc. Where no bearing has this, the largest is −1.
+        """
         first, second, third = self.lengths
         reach, hole = second + third, abs(second - third)
         far = self._psi(rho, reach**2) - self._half_width
@@ -134,7 +149,10 @@ class Planar3R:
         return least, np.where(outside, -1.0, largest)
 
     def _intervals(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Intervals of φ that are reached before a failure, shape (intervals, rings).
+        """Starts and ends of intervals of φ that are reached before a failure, in radians.
+
+        Both have the shape (intervals, rings). Between two neighbours of `borders`, values of
+        joint 3 at which a limit is met or two links are aligned, ψ is monotonic.
 
         Those beyond ±π are also there turned back; empty ones have NaN ends.
         """
@@ -171,7 +189,7 @@ class Planar3R:
         return np.concatenate(starts), np.concatenate(stops)
 
     def _psi(self, rho: FloatArray, square: FloatArray | float) -> FloatArray:
-        """Angle at the base between link 1 and p, which is √square from joint 2."""
+        """Angle ψ in radians at the base between link 1 and p, √square from joint 2."""
         first = self.lengths[0]
         cosine = (first**2 + rho**2 - square) / (2 * first * np.maximum(rho, _TINY_M))
         return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
@@ -186,7 +204,7 @@ def closed_form(arm: Chain, limits: Ranges) -> Planar3R | None:
     if not (is_planar(arm) and len(arm.joints) == 3 and free):
         return None
     lengths, bent, signs = links_at_zero(arm)
-    if min(lengths) < 1e-6:
+    if min(lengths) < _SHORTEST_LINK_M:
         return None
     ranges = [
         tuple(sorted((sign * low + angle, sign * high + angle)))

@@ -15,15 +15,17 @@ from lockedjoint.kinematics.serial_chain import Bits
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.workspaces.held_poses import HeldPoses
 
-# Number of random configurations from which the curves of a point are looked for.
+# Number of random configurations from which the curves of a point are looked for: fewer miss
+# more curves.
 _MOST_ROUNDS = 8
 #: Number of random configurations after which a point that none reached is not tried further.
 MOST_FAILED_STARTS = 4
-# A tangent of a curve has this length.
+# A tangent of a curve has this length: a shorter one is more exact and takes longer.
 _STEP_M_OR_RAD = 0.1
-# A configuration is on a curve if it is this near to one of its points.
+# A configuration is on a curve if it is this near to one of its points. It has to be more than
+# half a tangent, or curves are followed twice.
 _NEAR_M_OR_RAD = 0.8 * _STEP_M_OR_RAD
-# A curve has at most so many tangents in each direction.
+# A curve has at most so many tangents in each direction: what is beyond them is missed.
 _MOST_TANGENTS = 120
 # A slice counts as passed if a curve misses it by less than this share of a slice.
 _ROUNDING_SLICES = 1e-6

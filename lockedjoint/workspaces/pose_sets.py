@@ -36,11 +36,11 @@ from lockedjoint.workspaces.held_poses import HeldPoses
 from lockedjoint.workspaces.pose_curves import curves_of, mark_passed
 from lockedjoint.workspaces.pose_sheets import mark_sheets
 
-# A grid with more voxels is refused.
+# A grid with more voxels is refused: each takes time and memory.
 _MOST_VOXELS = 60_000
-# The curves of so many voxels are followed at once.
+# The curves of so many voxels are followed at once: more need more memory.
 _VOXELS_AT_ONCE = 1000
-# A rotation of a planar arm may turn its z axis by so much: entries of the matrix.
+# The entry zz of a planar arm's rotation may differ from 1 by so much, which is rounding.
 _OUT_OF_PLANE = 1e-6
 # A turn has this angle.
 _TURN_RAD = 2 * np.pi
@@ -163,7 +163,10 @@ class PoseSets(FailureSets):
 
 
 def within(q: npt.NDArray[np.floating], low: float, high: float, continuous: bool) -> Bits:
-    """Whether positions are between limits, but for rounding; whole turns may be added."""
+    """Whether positions, in radians or metres, are between limits, but for rounding.
+
+    Of a continuous joint whole turns may be added.
+    """
     above = q - low + LIMIT_TOLERANCE
     if continuous:
         above = above % _TURN_RAD
@@ -173,7 +176,10 @@ def within(q: npt.NDArray[np.floating], low: float, high: float, continuous: boo
 def _grid_of(
     arm: Chain, rotation: FloatArray, voxel: float, step: float
 ) -> tuple[IntArray, tuple[int, ...]]:
-    """Return corner and shape of the grid; InputError as `PoseSets`."""
+    """Return the place of the first voxel, in voxels, and the grid's shape.
+
+    InputError as `PoseSets`.
+    """
     dimension, needed = (2, 4) if is_planar(arm) else (3, 7)
     if len(arm.joints) < needed:
         kind = "a planar arm" if is_planar(arm) else "an arm"

@@ -19,9 +19,10 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.workspaces.held_poses import HeldPoses
 from lockedjoint.workspaces.pose_curves import MOST_FAILED_STARTS
 
-# Each joint is led through its slices from so many random configurations.
+# Each joint is led through its slices from so many random configurations: fewer miss more.
 _MOST_SHEETS = 12
-# One of so many configurations on the way through the slices is stored.
+# One of so many configurations on the way through the slices is stored: a larger number needs
+# less memory, and finds less that is reached before a failure.
 _STORED_EVERY = 3
 
 
@@ -106,10 +107,10 @@ def _led(
     that begin. Yields some of the configurations, (c, 1, n), and the numbers of their leads.
     """
     first, second = np.array([places[:2] for places in slices.values()]).T
-    width, counts = second - first, np.array([len(places) for places in slices.values()])
+    slice_width, counts = second - first, np.array([len(places) for places in slices.values()])
     continuous = np.array([joint.continuous for joint in held.arm.joints])
     led_position = leads.q[leads.number, leads.joint]
-    at = (led_position - first[leads.joint]) / width[leads.joint]
+    at = (led_position - first[leads.joint]) / slice_width[leads.joint]
     # The number of the next slice of each lead.
     place = np.floor(at).astype(int) + (direction > 0)
     for step in range(counts.max()):
@@ -118,7 +119,7 @@ def _led(
         leads, place = leads[inside], place[inside]
         lower, upper = (np.tile(end, (len(leads.q), 1)) for end in held.ends)
         row = np.arange(len(leads.q))
-        locked_at = first[leads.joint] + place * width[leads.joint]
+        locked_at = first[leads.joint] + place * slice_width[leads.joint]
         lower[row, leads.joint] = upper[row, leads.joint] = locked_at
         q, reached = held.solved(points[leads.number], leads.q, lower, upper)
         reached[reached] = held.is_clear(q[reached])

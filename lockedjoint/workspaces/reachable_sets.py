@@ -12,6 +12,9 @@ The set of tip positions is swept from tip to base, S_{k-1} = A_k ∪_q R_z(q) S
 the fixed placement of joint k. Sets of points are kept as points while they are curves or
 surfaces, and on a grid of cylindrical coordinates about the axis of the next joint from then
 on, where the union over q is a maximum filter.
+
+In shapes n is the number of joints and k that of points. Lengths are in metres, angles in
+radians. A grid's cells have the shape (height, radii, angles), see `cylinder_grid`.
 """
 
 from __future__ import annotations
@@ -47,21 +50,23 @@ from lockedjoint.workspaces.failure_sets import SLICE_RAD, FailureSets
 
 # Points that are all nearer to an axis than this do not move about it.
 _TINY_M = 1e-9
-# Inverse kinematics takes at most so many steps from a start.
+# Inverse kinematics takes at most so many steps from a start: fewer miss more points.
 _MOST_STEPS = 80
-# The damping of inverse kinematics is this share of the squared sum of the links.
+# The damping of inverse kinematics is this share of the squared sum of the links: more is
+# slower and calmer near singularities.
 _DAMPING_SHARE = 1e-6
-# A point counts as reached if it is this near, as a share of the sum of the links.
+# A point counts as reached if it is this near, as a share of the sum of the links: far less
+# than a voxel.
 _REACHED_SHARE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class _Reach:
-    """Positions of the tip in a joint's frame: points, or cells of its grid."""
+    """Positions of the tip in a joint's frame: points, or cells of its grid; one is None."""
 
-    points: FloatArray | None
-    cells: Bits | None
-    dimension: int
+    points: FloatArray | None  #: Of shape (k, 3), in metres.
+    cells: Bits | None  #: Truth values, (height, radii, angles).
+    dimension: int  #: Of the set: how many joints with a range have moved it.
 
 
 class ReachableSets(FailureSets):

@@ -36,12 +36,16 @@ from lockedjoint.workspaces.voxel_surface import ply_file, surface_of_voxels
 from lockedjoint.workspaces.workspace_size import SizeEstimate, estimated_size
 
 # This share of a measurement is done when all sets are swept; then come the sampled points.
+# It changes nothing but the progress that is shown.
 _SWEPT_SHARE = 0.7
-# A set of which nothing was found may fill so many voxels.
+# A set of which nothing was found may fill so many voxels: see `Workspace.error`. Fewer would
+# miss the truth more often than 5 %.
 _UNSEEN_VOXELS = 3
-# Limits may be this far outside the physical ones, in radians or metres: texts round them.
-_LIMIT_ROUNDING = 1e-6
-# Limits of a joint that turns without end are within this many radians of zero.
+# Limits may be this far outside the physical ones, in radians or metres: texts round them. Less
+# would refuse limits that were copied from a text; more would accept wrong ones.
+_LIMIT_ROUNDING_RAD_OR_M = 1e-6
+# Limits of a joint that turns without end are within this many radians of zero. One turn is all
+# that such a joint can use; two each way leave a choice of where it begins.
 _MOST_TURNS_RAD = 4 * np.pi
 #: A function that is told, with a line of text, what is being done.
 Progress = Callable[[str], None]
@@ -56,19 +60,23 @@ class Workspace:
     arm
         The arm.
     limits
-        Artificial limits of the joints, in radians or metres.
+        Artificial limits of the joints, a pair (low, high) for each, in radians or metres.
     dimension
         2 for an area, 3 for a volume.
     size, error
-        Area or volume in m² or m³, and how far it may be from the truth: of the quadrature, or
-        three standard errors of the sample, of points in the voxels and in those about them.
+        Area or volume in m² or m³, and how far it may be from the truth. In closed form that is
+        the error of the quadrature; on a grid, three standard errors of a sample of points in
+        the voxels and in those about them; with a fixed orientation, two standard errors of
+        the number of voxels.
         Where nothing was found it is three voxels: of a set that is larger, random points in
         all voxels miss every part with a chance of 5 % at most (e⁻³). It says nothing about
         configurations that the inverse kinematics missed.
     raw
-        The same of all voxels: too large, and with a fixed orientation the size itself.
+        Size of all voxels together, in m² or m³. It is too large, but with a fixed orientation
+        it is the size itself.
     before
-        Size of what is reached within the artificial limits, if no joint fails, raw.
+        Size of what is reached within the artificial limits, if no joint fails: of all
+        its voxels together, in m² or m³.
     physical
         The same within the physical limits.
     critical
@@ -98,7 +106,7 @@ class Workspace:
 
     @property
     def voxels(self) -> Bits:
-        """Which voxels are in the workspace, before layers are removed."""
+        """Which voxels of the grid are in the workspace, raw: truth values, 2D or 3D."""
         return self.sets.before(self.limits) & self.sets.after(self.limits)
 
     @property
@@ -132,15 +140,15 @@ class Workspace:
         return f"<Workspace: {self.size:.4g} ± {self.error:.1g} {unit}, {self.method}>"
 
     def to_dict(self) -> dict[str, object]:
-        """Return the result as plain values."""
-        names, apart = [joint.name for joint in self.arm.joints], self.sets.clearance
+        """Return the result as plain values: lengths in m, sizes in m² or m³, angles in rad."""
+        names, clearance = [joint.name for joint in self.arm.joints], self.sets.clearance
         return {
             "quantity": "area" if self.dimension == 2 else "volume",
             "size": self.size,
             "error": self.error,
             "method": self.method,
             "collisions": self.collisions,
-            **({"unchecked_links": list(apart.unchecked)} if apart else {}),
+            **({"unchecked_links": list(clearance.unchecked)} if clearance else {}),
             "without_failure": self.before,
             "without_failure_and_artificial_limits": self.physical,
             "share_kept": self.share,
@@ -203,10 +211,10 @@ def workspace(
 ) -> Workspace:
     """Measure the failure-tolerant workspace of an arm, with any orientation of its tool.
 
-    See `ReachableSets` for voxel and step. With a clearance, of the chain that the arm is of,
-    configurations in which links are too near do not count. The seed is of the points that are
-    sampled, and of the starts of inverse kinematics. InputError if a limit is outside
-    the physical ones, or the grid cannot be made.
+    `voxel` is an edge in metres; see `ReachableSets` for it and for `step`. With a clearance,
+    of the chain that the arm is of, configurations in which links are too near do not count.
+    The sampled points and the starts of inverse kinematics are random, from `seed`. InputError
+    if a limit is outside the physical ones, or the grid cannot be made.
     """
     check_limits(arm, limits)
     sets = ReachableSets(arm, voxel, step, part_of(progress, 0.0, _SWEPT_SHARE))
@@ -217,7 +225,11 @@ def workspace(
 def measured(
     sets: FailureSets, limits: Ranges, progress: Progress = lambda _: None
 ) -> Workspace:
-    """Measure the workspace for one choice of limits, from sets that are there already."""
+    """Measure the workspace for one choice of limits, from sets that are there already.
+
+    The size is in closed form if there is one and links are not checked; it is estimated from
+    sampled points if a voxel is kept; otherwise it is 0, with an error of a few voxels.
+    """
     before = sets.before(limits)
     voxels = before & sets.after(limits)
     raw = sets.unit * float(voxels.sum())
@@ -250,7 +262,10 @@ def check_limits(arm: Chain, limits: Ranges) -> None:
             highest = min(low + 2 * np.pi, _MOST_TURNS_RAD)
             if -_MOST_TURNS_RAD <= low <= high <= highest:
                 continue
-        lower, upper = joint.lower - _LIMIT_ROUNDING, joint.upper + _LIMIT_ROUNDING
+        lower, upper = (
+            joint.lower - _LIMIT_ROUNDING_RAD_OR_M,
+            joint.upper + _LIMIT_ROUNDING_RAD_OR_M,
+        )
         if not lower <= low <= high <= upper:
             allowed = f"two numbers in order within [{joint.lower:.7g}, {joint.upper:.7g}]"
             raise InputError(f"artificial limits of {joint.name}", f"{low:g}:{high:g}", allowed)

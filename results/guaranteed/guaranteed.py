@@ -119,8 +119,8 @@ def compute(effort: Effort, folder: Path) -> Iterator[GuaranteedRow | ProgressRo
         yield row_from(
             GuaranteedRow,
             row,
-            edge=float(2 * np.min(cubes.width)),
-            cubes=len(cubes.width),
+            edge=float(2 * np.min(cubes.half_width)),
+            cubes=len(cubes.half_width),
             proved=cubes.size,
             sampled=sampled.size,
             error=sampled.error,

@@ -57,7 +57,7 @@ def spatial():
 def false_claims(exact, cubes):
     """Which plane cubes reach with a corner beyond what the closed form says is kept."""
     signs = np.array(list(product((-1, 1), repeat=2)))
-    corners = cubes.centre[:, None] + cubes.width[:, None, None] * signs
+    corners = cubes.centre[:, None] + cubes.half_width[:, None, None] * signs
     return ~contains(exact, corners.reshape(-1, 2)).reshape(-1, 4).all(axis=1)
 
 
@@ -134,13 +134,13 @@ def test_cubes_of_a_planar_arm_lie_within_the_closed_form(cubes):
 
 def test_no_two_cubes_overlap(cubes):
     apart = np.abs(cubes.centre[:, None] - cubes.centre).max(axis=2)
-    touching = cubes.width[:, None] + cubes.width
-    assert np.all((apart > touching - 1e-12) | np.eye(len(cubes.width), dtype=bool))
+    touching = cubes.half_width[:, None] + cubes.half_width
+    assert np.all((apart > touching - 1e-12) | np.eye(len(cubes.half_width), dtype=bool))
 
 
 def test_a_file_of_cubes_is_read_and_proved_again(cubes, tmp_path, lockedjoint):
     path = tmp_path / "kept.npz"
-    few = cubes[np.arange(len(cubes.width)) % 27 == 0]
+    few = cubes[np.arange(len(cubes.half_width)) % 27 == 0]
     path.write_bytes(few.to_bytes())
     again = KeptCubes.read(path)
     assert again.size == few.size
@@ -162,7 +162,7 @@ def test_files_of_cubes_that_overlap_are_refused(tmp_path):
 def test_cubes_that_many_starts_missed_are_proved_again():
     """Of the Panda's, of 4 000 these are some that sixteen passes of few starts had left."""
     every = KeptCubes.read(Path(__file__).parents[3] / "results/guaranteed/franka-panda.npz")
-    hard = np.isin(np.arange(len(every.width)), [11022, 34864, 114332, 129269, 137510])
+    hard = np.isin(np.arange(len(every.half_width)), [11022, 34864, 114332, 129269, 137510])
     assert check_cubes(every[hard]).all()
 
 
@@ -174,9 +174,9 @@ def test_changed_claims_are_not_proved(cubes, monkeypatch):
     monkeypatch.setattr(check_kept, "_PASSES", passes)
     monkeypatch.setattr(check_kept, "_REPEATED_PASSES", 0)
     exact, rng = ARMS[0], np.random.default_rng(0)
-    chosen = rng.choice(len(cubes.width), 9, replace=False)
-    moved = replace(cubes, centre=cubes.centre[chosen], width=cubes.width[chosen])
-    edges = 2 * moved.width[:, None]
+    chosen = rng.choice(len(cubes.half_width), 9, replace=False)
+    moved = replace(cubes, centre=cubes.centre[chosen], half_width=cubes.half_width[chosen])
+    edges = 2 * moved.half_width[:, None]
     shift = edges * np.round(rng.uniform(-0.3, 0.3, moved.centre.shape) / edges)
     # Beside the grid a cube could reach beyond the one that is proved.
     with pytest.raises(InputError, match="one grid"):
@@ -208,7 +208,7 @@ def test_changed_claims_are_not_proved(cubes, monkeypatch):
 )
 def test_damaged_files_are_refused(cubes, change, tmp_path):
     path = tmp_path / "kept.npz"
-    with np.load(BytesIO(cubes[np.arange(len(cubes.width)) == 0].to_bytes())) as file:
+    with np.load(BytesIO(cubes[np.arange(len(cubes.half_width)) == 0].to_bytes())) as file:
         arrays = {name: file[name] for name in file.files} | change
     kept = {name: array for name, array in arrays.items() if array is not None}
     np.savez(path, **kept)
