@@ -214,9 +214,12 @@ def is_number(text):
 
 
 def without_escapes(text):
-    """LaTeX without what tabulate writes for special characters; none may be left."""
+    """LaTeX without what is written for special characters; none may be left.
+
+    An asterisk or a bracket that begins a row is in braces.
+    """
     words = r"textasciitilde\{\}|textbackslash\{\}|ensuremath\{[<>]\}"
-    known = rf"\\(\$|&|%|#|_|\{{|\}}|\^\{{\}}|{words}|\\)"
+    known = rf"\\(\$|&|%|#|_|\{{|\}}|\^\{{\}}|{words}|\\)|\{{[\[*]\}}"
     left = re.sub(known, "", text)
     assert not set(left) & set("\\$%#_^~{}")
     return left

@@ -170,7 +170,7 @@ STUDY = study_of(
     __file__,
     compute,
     SecondSearchRow,
-    title="entries that are not proved optimal, searched by a second method",
+    title="open and conjectured entries, searched by a second method",
     takes="an hour",
     long=True,
 )
