@@ -269,10 +269,11 @@ def counted(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> ComparisonRow:
+def row_of(outcome: Outcome, without_variant: ComparisonRow | None = None) -> ComparisonRow:
     """Return an outcome of at least one record, of an arm to be designed, as a row.
 
-    `default` is that of the same formulation and model without a variant; None if this is it.
+    `without_variant` is the row of the same formulation and model without a variant; None if
+    this is it.
     """
     case, built = outcome.case, outcome.arm
     assert isinstance(built, Arm)
@@ -282,7 +283,7 @@ def row_of(outcome: Outcome, default: ComparisonRow | None = None) -> Comparison
     limit = measures.sigma_bound(m, n, built.largest_trace, case.failures)
     seconds = sum(record.cpu_seconds for record in outcome.records)
     per_success = seconds / len(best) if best else NAN
-    unit = default.cpu_seconds_per_success if default else per_success
+    unit = without_variant.cpu_seconds_per_success if without_variant else per_success
     proved = case.formulation.bound(built, case.failures)
     return row_from(
         ComparisonRow,

@@ -18,10 +18,13 @@ from lockedjoint.paths.timing import TimedTrajectory, timed
 from lockedjoint.recovery.failures import Damage
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
-# A joint reaches its largest speed in this time, if the user gives no accelerations.
+# A joint reaches its largest speed in this time, if the user gives no accelerations: with more
+# of it a recovery is gentler, and slower.
 _TO_SPEED_S = 0.5
 # A joint without a speed in its file moves at most so fast: rad/s or m/s.
 _SPEED_PER_S = 1.0
+# Corners that are nearer to the first one than this, in rad or m, are the same place.
+_SAME_PLACE_M_OR_RAD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +32,8 @@ class DamagedState:
     """A damaged arm where it is, how it may move, and how much is to be tried."""
 
     arm: Damage
-    whole: FloatArray  #: Positions of all joints, shape (n,).
-    start: FloatArray  #: Positions of the joints that can move.
+    whole: FloatArray  #: Positions of the n joints of the healthy arm, (n,), rad or m.
+    start: FloatArray  #: Positions of the m joints that can move, shape (m,), rad or m.
     limits: MotionLimits  #: Limits of the joints that can move.
     connector: Connector  #: Finds ways, and knows which links stay apart.
     search: RecoverySearch
@@ -46,7 +49,12 @@ class DamagedState:
         clearance: LinkClearance | None = None,
         search: RecoverySearch | None = None,
     ) -> DamagedState:
-        """Return an arm at a configuration of all its joints; see `recover`."""
+        """Return an arm at a configuration of all its joints, shape (n,), rad or m.
+
+        `acceleration`, `velocity` and `jerk` are one number for all joints of the healthy arm,
+        or n of them, in rad/s², rad/s and rad/s³, those of sliders in m. See
+        `lockedjoint.recovery.recover`.
+        """
         allowed = "a LinkClearance, as `read_clearance` returns it"
         of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
         of_kind("search", search, (RecoverySearch, type(None)), "a RecoverySearch")
@@ -78,9 +86,13 @@ class DamagedState:
         return cls(arm, whole, begin, limits, connector, search or RecoverySearch())
 
     def run_along(self, corners: FloatArray, stops: Sequence[int]) -> TimedTrajectory:
-        """Return a trajectory of all joints along configurations (N, n) of what can move."""
+        """Return a trajectory of all joints along configurations of those that can move.
+
+        `corners` has the shape (N, m); `stops` are the numbers of corners at which the arm
+        stands.
+        """
         chain, arm = self.arm.chain, self.arm
-        if np.max(np.abs(corners - corners[0])) < 1e-9:  # it is there already
+        if np.max(np.abs(corners - corners[0])) < _SAME_PLACE_M_OR_RAD:
             corners = corners[[0, 0]]
         run = timed(chain, corners, self.limits, stops)
         rates = np.zeros((2, len(run.times), len(arm.healthy.names)))

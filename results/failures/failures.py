@@ -100,11 +100,12 @@ def unequal() -> tuple[Case, ...]:
 
 @dataclass(frozen=True)
 class FailureRow:
-    """One case's outcome: the columns of ``failures.csv``; NaN where nothing passed the check.
+    """One case's outcome: the columns of ``failures.csv``.
 
     `score` is what is maximised, from J alone; both σ are over the failures that can happen.
-    At `solved` starts Ipopt said that it succeeded. `distinct_optima` is 0 where joints are
-    not all alike, and if the user interrupted.
+    Where nothing passed the check `score` and `gap_percent` are NaN, and both σ are those of
+    the best start that did not pass. At `solved` starts Ipopt said that it succeeded.
+    `distinct_optima` is 0 where joints are not all alike, and if the user interrupted.
     """
 
     model: str

@@ -1,7 +1,7 @@
 """Values of plain rows: products of Wigner functions, coupled to a total spin.
 
 A value has a component for each of the 2L + 1 components of the total spin L, and couplings are
-numbered as in `coupled_tensors`. Labels (l, m), assignments and couplings are those of
+numbered as in `wigner.coupled_tensors`. Labels (l, m), assignments and couplings are those of
 `plain_rows`. D^l_{Mm}, the Wigner function of a joint, has the index M as a component and m
 fixed. Configurations are the last axis of every array but of the D^l.
 """
@@ -52,6 +52,7 @@ def plain_values(
         for q in range(longest, len(rows.labels)):
             spin, m = rows.labels[q]
             joint = order[assignment[q]]
+            # Shape (2·spin + 1, configurations): the index M first.
             factor = np.ascontiguousarray(wigner[spin][:, joint, :, spin + m].T)
             products = {
                 before: product[:, :, None] * factor
@@ -97,10 +98,11 @@ def _coupled(values: ComplexArray, total: int) -> ComplexArray:
 
     The products have the shape (couplings, 2·first + 1, 2·second + 1, configurations).
     """
-    couplings, first, second, configurations = values.shape
+    couplings, first_size, second_size, configurations = values.shape
     extended = values.dtype != complex
-    table = coupling(first // 2, second // 2, total, extended=extended)
+    table = coupling(first_size // 2, second_size // 2, total, extended=extended)
     if not extended:
+        # The table is real: real and imaginary parts are columns of one real product.
         flat = np.ascontiguousarray(values.reshape(couplings, -1, configurations)).view(float)
         return np.asarray((table.reshape(-1, 2 * total + 1).T @ flat).view(complex))
     # Extended precision has no fast product of matrices; most entries of the table are 0.
