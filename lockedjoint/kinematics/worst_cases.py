@@ -4,16 +4,16 @@ The worst case σ(q) is the least σ_min of J with one column left out (eq. 5). 
 `measures`; from there to ∂σ/∂q it is cross products of columns of J for many configurations,
 in NumPy, and CasADi's differentiation for one.
 
-Letters of this file:
+Letters of this file::
 
-m, n    rows of the task, and joints: variables q, in radians or metres.
-k       motions of the chain, at least n: a joint that others follow has several.
-B       configurations at once; in arrays of this file they come last, in `measures` first.
-J       the Jacobian of the task's rows in units of ℓ, (m, n, B).
-(v; ω)  a motion's column: the velocity of the tip and the angular one, metres and radians.
-ℓ       the characteristic length in metres, given or of each configuration: ℓ² = Σ|v|²/Σ|ω|²
-        over the revolute joints, see `ScaledChain`.
-W       weights of the entries of J, here ∂σ/∂J, (m, n, B).
+    m, n    rows of the task, and joints: variables q, in radians or metres.
+    k       motions of the chain, at least n: a joint that others follow has several.
+    B       configurations at once: the last axis in this file, in `measures` the first.
+    J       the Jacobian of the task's rows in units of ℓ, (m, n, B).
+    (v; ω)  a motion's column: velocity of the tip and angular velocity, metres and radians.
+    ℓ       the characteristic length in metres, given or of each configuration:
+            ℓ² = Σ|v|²/Σ|ω|² over the revolute joints, see `ScaledChain`.
+    W       weights of the entries of J, here ∂σ/∂J, (m, n, B).
 """
 
 from __future__ import annotations
