@@ -222,7 +222,7 @@ def model_conditions(entry: Entry) -> Iterator[Condition]:
     for f, joint in enumerate(entry.arm.joints):
         free, prismatic = isinstance(joint, FreeColumn), isinstance(joint, Prismatic)
         form = _pairing(m * n, places[: m if free else 3, f])
-        # Of a revolute column |ω|² = 1 of the squared norm is not of v.
+        # The squared norm of a revolute column is |v|² + |ω|² with |ω|² = 1.
         size = joint.largest_norm_squared - (0 if free or prismatic else 1)
         length = Condition(form, none, 0.5 * size)
         if getattr(joint, "budget", "each") == "mean":

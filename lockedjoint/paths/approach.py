@@ -14,7 +14,7 @@ from lockedjoint.clearance.link_clearance import Closest, LinkClearance
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.paths.connecting import Connector, Limit
+from lockedjoint.paths.connecting import Connector, SearchLimit
 
 # RRT-Connect looks for a way around links with at most this number of random samples. More find
 # ways through narrower gaps; a search that finds none takes longer, about 10 s with a cell.
@@ -129,7 +129,7 @@ def approach(
     if np.max(np.abs(first - start)) < _SAME_M_OR_RAD:
         corners: FloatArray | None = first[None]
     else:
-        corners = connector.way(start, first[None], Limit(samples=_MOST_SAMPLES), seed)
+        corners = connector.way(start, first[None], SearchLimit(samples=_MOST_SAMPLES), seed)
     if corners is None:
         allowed = (
             "a configuration from which RRT-Connect finds a way to the first waypoint with"

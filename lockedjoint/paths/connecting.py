@@ -27,7 +27,7 @@ _BEYOND_M_OR_RAD = 2 * np.pi
 
 
 @dataclass(frozen=True)
-class Limit:
+class SearchLimit:
     """When RRT-Connect gives up: after so many random samples, or so many seconds.
 
     A number of samples is the same on every machine. Seconds, of a clock on the wall, are for
@@ -85,7 +85,7 @@ class Connector:
         return ClearMotion(self.clearance, self.chain, kept=True)
 
     def way(
-        self, start: FloatArray, ends: FloatArray, limit: Limit, seed: int
+        self, start: FloatArray, ends: FloatArray, limit: SearchLimit, seed: int
     ) -> FloatArray | None:
         """Return corners of a way from the start to one of some free ends, shape (K, n).
 
@@ -98,7 +98,7 @@ class Connector:
         return None if corners is None else self._shortened(corners)
 
     def rrt_connect(
-        self, start: FloatArray, ends: FloatArray, limit: Limit, seed: int
+        self, start: FloatArray, ends: FloatArray, limit: SearchLimit, seed: int
     ) -> FloatArray | None:
         """Return corners of a way by OMPL's RRT-Connect, (K, n), or None.
 

@@ -19,7 +19,7 @@ from lockedjoint.kinematics.pose import Pose
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
-from lockedjoint.paths.connecting import Limit
+from lockedjoint.paths.connecting import SearchLimit
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.timing import TimedTrajectory, joined, off_lines
 from lockedjoint.paths.waypoints import Poses, ToolPath
@@ -184,7 +184,7 @@ def _runs(
         return None
     if not all(connector.is_line_free(a, b) for a, b in pairwise(track)):
         return None
-    limit = Limit(seconds=search.time_limit)
+    limit = SearchLimit(seconds=search.time_limit)
     corners = connector.way(state.start, track[[0]], limit, search.seed)
     if corners is None:
         return None

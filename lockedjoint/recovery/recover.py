@@ -19,7 +19,7 @@ from lockedjoint.kinematics.state import stated_positions
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.nlp.progress import Step
-from lockedjoint.paths.connecting import Limit
+from lockedjoint.paths.connecting import SearchLimit
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.answers import Recovery
@@ -186,7 +186,7 @@ def _along_a_way(
         tried.append(f"{len(free)} of them with links apart")
     if not free:
         return None
-    limit, seed = Limit(seconds=state.search.time_limit), state.search.seed
+    limit, seed = SearchLimit(seconds=state.search.time_limit), state.search.seed
     corners = state.connector.way(state.start, np.array(free[:_MOST_ENDS]), limit, seed)
     if corners is None:
         tried.append(f"RRT-Connect for {limit}: no way")

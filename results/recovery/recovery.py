@@ -28,7 +28,7 @@ import pinocchio as pin
 from lockedjoint.formulations.io.files import write_text
 from lockedjoint.formulations.io.table import HIDDEN, column
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.paths.connecting import Connector, Limit
+from lockedjoint.paths.connecting import Connector, SearchLimit
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.configurations import GoalSearch
@@ -61,7 +61,7 @@ _SAMPLES = 30
 # a goal.
 _NEAR_M_OR_RAD = 1e-3
 # The time that RRT-Connect gets for one task: with less of it more tasks are unknown.
-_RRT_LIMIT = Limit(seconds=5.0)
+_RRT_LIMIT = SearchLimit(seconds=5.0)
 # The seed of RRT-Connect, and of the random start of inverse kinematics before it.
 _RRT_SEED = 0
 

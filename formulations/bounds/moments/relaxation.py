@@ -401,7 +401,7 @@ def _frame(basis: FloatArray) -> tuple[tuple[int, ...], FloatArray]:
     vectors = vectors[:, values > _RELATIVE_RANK * values[0]]
     order = scipy.linalg.qr(vectors.T, mode="r", pivoting=True)[1]
     pivots = sorted(int(i) for i in order[: vectors.shape[1]])
-    # As P = vectors · vectorsᵀ, P e_i is vectors times row i of vectors, transposed.
+    # P is vectors · vectorsᵀ: so P e_i is vectors times row i of vectors, transposed.
     return tuple(pivots), np.linalg.inv(vectors[pivots].T) @ vectors.T
 
 

@@ -8,7 +8,7 @@ import pytest
 import lockedjoint as lj
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.paths.approach import NoApproachError, approach
-from lockedjoint.paths.connecting import Connector, Limit
+from lockedjoint.paths.connecting import Connector, SearchLimit
 from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.search import with_approach
 
@@ -72,16 +72,19 @@ def test_how_long_a_way_is_looked_for_does_not_depend_on_the_clock(gantry, monke
     """A number of samples ends the search, and one seed gives one way."""
     pytest.importorskip("ompl", reason="install ompl")
     asked = []
-    whole = Limit.condition
+    whole = SearchLimit.condition
 
     def counted(limit):
         ends = whole(limit)
         return lambda: asked.append(ends()) or asked[-1]
 
-    monkeypatch.setattr(Limit, "condition", counted)
+    monkeypatch.setattr(SearchLimit, "condition", counted)
     low = gantry.changed(limits={"j2": (-0.1, 0.1)})
     start, first = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
-    assert Connector(low.chain, low.apart).way(start, first[None], Limit(samples=9), 0) is None
+    assert (
+        Connector(low.chain, low.apart).way(start, first[None], SearchLimit(samples=9), 0)
+        is None
+    )
     assert asked.count(False) == 9
     assert asked[-1] is True
     monkeypatch.setattr("time.monotonic", lambda: pytest.fail("the clock was read"))
