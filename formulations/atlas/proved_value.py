@@ -200,7 +200,7 @@ def distance_from_model(arm: Arm, columns: list[Vector]) -> Fraction:
             turned, length = _dot(column[3:], column[3:]), _dot(column[:3], column[:3])
             limit = joint.speed
         else:  # revolute: the atlas has no others
-            # Of a screw of pitch c it is v − cω that is normal to ω. What moves this and ω by d
+            # A screw of pitch c has v − cω normal to ω. What moves this difference and ω by d
             # moves v by (1 + |c|)d at most.
             pitch = Fraction(getattr(joint, "pitch", 0.0))
             screwed = max(screwed, 1 + abs(pitch))

@@ -2,8 +2,8 @@
 
 Entries that are proved optimal are left out. Each other one gets random starts until the
 stopping rule of `settled` holds, or its processor time is spent. A Jacobian that is better than
-the one on record is written to ``better/``, as a page of the atlas; `lockedjoint atlas verify
---entries better` proves its value.
+the one on record is written to ``better/``, as a page of the atlas; ``lockedjoint atlas
+--entries better verify`` proves its value.
 """
 
 from collections.abc import Iterator
