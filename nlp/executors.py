@@ -2,7 +2,7 @@
 
 A *start* is one run of a solver, a `Chunk` some starts of one task. A chunk goes to a *worker*,
 a process, and comes back as a `ChunkResult`. Every start comes back once, or is named as
-failed. The executor of this machine is joblib's pool, `LocalExecutor`; those of Dask and MPI
+failed. The executor of this machine is loky's pool, `LocalExecutor`; those of Dask and MPI
 are used as they are.
 """
 
@@ -28,8 +28,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import current_process, resource_tracker
 from typing import Any, TypeVar
 
-from joblib import cpu_count
-from joblib.externals.loky import get_reusable_executor
+from loky import cpu_count, get_reusable_executor
 
 from lockedjoint.nlp.errors import WorkerError
 from lockedjoint.nlp.progress import Step
@@ -98,7 +97,7 @@ def in_groups(
 
 
 class LocalExecutor(Executor):
-    """Worker processes of this machine: the pool of joblib, which the whole process shares.
+    """Worker processes of this machine: the pool of loky, which the whole process shares.
 
     Use it in a ``with`` block. Processes serve the next block, too, and end after ten seconds
     without work; if calls are still under way at the end of the block all are ended. If a
@@ -117,7 +116,9 @@ class LocalExecutor(Executor):
         self._under_way: set[Future[Any]] = set()
         self._pool: Any = None
         # Said when a process that grew by 300 MB is replaced: an error would end loky's thread.
-        warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+        warnings.filterwarnings(
+            "ignore", r"A worker (stopped|was restarted) while some jobs", UserWarning
+        )
         # Said when another thread works with another number of processes: they take turns.
         warnings.filterwarnings("ignore", "Trying to resize an executor", UserWarning)
 
@@ -148,7 +149,7 @@ class LocalExecutor(Executor):
             self._under_way.discard(call)
 
     def _started(self) -> Any:
-        """Return joblib's pool, which is started or taken over at the first call."""
+        """Return loky's pool, which is started or taken over at the first call."""
         if self._pool is None:
             self._pool = get_reusable_executor(
                 self.size,

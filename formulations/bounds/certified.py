@@ -30,7 +30,6 @@ from importlib.resources import files
 from math import inf, isnan, nextafter, sqrt
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from lockedjoint.formulations import measures
@@ -200,13 +199,12 @@ def largest_isotropic_worst_case(arm: Arm, failures: int = 1) -> Bound:
 def _relaxed(arm: Arm, failures: int | FailureModel, statement: Statement) -> Bound | None:
     """Return what the relaxation proves; None where it says no more than a closed form.
 
-    It says no more if only one norm is known of all columns: eq. (6). Programs that are too
-    large have no bound either, nor have those whose solver fails.
+    Programs that are too large have no bound either, nor have those whose solver fails.
     """
     m, n = arm.shape
     count = failures.failures if isinstance(failures, FailureModel) else failures
     equal = not isinstance(failures, FailureModel)
-    if (equal and _is_norm_only(arm)) or not 1 <= count <= n - m:
+    if (equal and _contains_a_multiple_of_identity(arm)) or not 1 <= count <= n - m:
         return None
     # This import loads cvxpy, which takes a second: only where it is needed.
     from lockedjoint.formulations.bounds.relaxed import KIND, relaxed
@@ -218,16 +216,24 @@ def _relaxed(arm: Arm, failures: int | FailureModel, statement: Statement) -> Bo
     return Bound(value, KIND)
 
 
-def _is_norm_only(arm: Arm) -> bool:
-    """Whether all columns have one condition, that the norm is not above its largest value."""
+def _contains_a_multiple_of_identity(arm: Arm) -> bool:
+    """Whether all columns have the same conditions, and X = (c/m) I satisfies these.
+
+    c is the largest squared norm of a column, m the number of rows. The relaxation then has
+    this X for all joints, and its bound is that of norms alone, eq. (6). So it is if only norms
+    are known, and for revolute joints with lever arms of length 1, or of mean square 1.
+    """
     first, *others = set(arm.joints)
     m = arm.shape[0]
     conditions = checked_conditions(first.gram_conditions, m)
     if any(checked_conditions(one.gram_conditions, m) != conditions for one in others):
         return False
-    only = conditions[0]
-    on_the_norm = len(conditions) == 1 and np.array_equal(only.matrix, np.eye(m))
-    return on_the_norm and only.limit >= first.largest_norm_squared
+    entry = Fraction(first.largest_norm_squared) / m
+    for one in conditions:
+        value = entry * sum(Fraction(row[k]) for k, row in enumerate(one.matrix))
+        if value != one.limit if one.equal else value > one.limit:
+            return False
+    return True
 
 
 def _loses_rank(arm: Arm, failures: int) -> bool:

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 import psutil
 import pytest
-from joblib.externals.loky import get_reusable_executor
+from loky import get_reusable_executor
 
 from lockedjoint.nlp import executors
 from lockedjoint.nlp.errors import WorkerError

@@ -96,7 +96,7 @@ def test_help_loads_nothing_heavy(lockedjoint):
         "from lockedjoint.__main__ import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
-        "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'joblib', 'matplotlib'}\n"
+        "heavy = {'casadi', 'cvxpy', 'numpy', 'pandas', 'scipy', 'loky', 'matplotlib'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
     )
 
