@@ -9,7 +9,7 @@ Nothing of the derivation is shared. The letters are those of `certificate`.
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.resources import as_file, files
 from itertools import chain, permutations, product
 from typing import Any, TypeAlias
@@ -132,8 +132,21 @@ def _ascending(pairs: Pairs) -> Pairs:
 
 
 def _renamed(w: Pairs, wbar: Pairs) -> Factors:
+    """Return one name of all products that are renamings of this one or of its conjugate."""
+    # Joints are first numbered as they occur, so that `_least` sees fewer different products.
+    names = {joint: name for name, joint in enumerate(dict.fromkeys(chain(*w, *wbar)))}
+    return _least(_with_names(w, names), _with_names(wbar, names))
+
+
+@cache
+def _least(w: Pairs, wbar: Pairs) -> Factors:
     """Return the least of some renamings of a product and of its conjugate."""
     return min(chain(_renamings(w, wbar), _renamings(wbar, w)))
+
+
+def _with_names(pairs: Pairs, names: dict[int, int]) -> Pairs:
+    """Return pairs of joints with other names, in a fixed order."""
+    return _ascending(tuple((names[i], names[j]) for i, j in pairs))
 
 
 def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
@@ -143,10 +156,7 @@ def _renamings(w: Pairs, wbar: Pairs) -> Iterator[Factors]:
         ties.setdefault(signature, []).append(joint)
     for orders in product(*(permutations(ties[signature]) for signature in sorted(ties))):
         names = {joint: name for name, joint in enumerate(chain(*orders))}
-        yield (
-            _ascending(tuple((names[i], names[j]) for i, j in w)),
-            _ascending(tuple((names[i], names[j]) for i, j in wbar)),
-        )
+        yield _with_names(w, names), _with_names(wbar, names)
 
 
 def _signatures(w: Pairs, wbar: Pairs) -> dict[int, Signature]:
