@@ -44,8 +44,12 @@ from lockedjoint.formulations.atlas.local_optimality import (
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.arrays import FloatArray
 
-# Number of Newton steps to x⁰. They start from a file with 1e-9 or better; more do no harm.
+# Largest number of Newton steps to x⁰. They start from a file with 1e-9 or better; more do no
+# harm.
 _NEWTON_STEPS = 8
+# A Newton step that changes no unknown by more than this is the last. A larger one ends farther
+# from the solution, and the proof may fail.
+_LAST_STEP = 1e-15
 # An unknown on the way that is larger shows that the steps lead nowhere.
 _LARGEST_UNKNOWN = 100.0
 # Number of choices of multipliers, and so of the sets S, that are tried where none are given.
@@ -277,7 +281,10 @@ class Conditions:
         x: FloatArray = np.concatenate(parts)
         for _ in range(_NEWTON_STEPS):
             _require(np.abs(x).max() < _LARGEST_UNKNOWN, "no solution is found")
-            x = x - np.linalg.lstsq(self.slope(x), self.gradient(x))[0]
+            step = np.linalg.lstsq(self.slope(x), self.gradient(x))[0]
+            x = x - step
+            if np.abs(step).max() <= _LAST_STEP:
+                break
         return x
 
     def gradient(self, x: FloatArray) -> FloatArray:
