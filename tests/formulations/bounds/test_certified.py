@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 from lockedjoint.formulations import measures
-from lockedjoint.formulations.bounds.certified import Bound, best_known
+from lockedjoint.formulations.bounds.certified import NONE_EXISTS, Bound, best_known
 from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
+from lockedjoint.formulations.bounds.relaxed import relaxed
 from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.kinds import LeverRevolute, Prismatic, UnitRevolute
 from lockedjoint.formulations.joints.models import arm
@@ -101,7 +102,7 @@ def test_bounds_hold_for_random_jacobians(seed):
 
 def test_the_record_is_for_unit_revolute_joints_only():
     eight = bound("max-min", Arm.of(UnitRevolute(), 8))
-    assert eight.kind == "proved (relaxation)"
+    assert eight.kind == "closed form"
     assert eight.value == pytest.approx(np.sqrt(2 / 3))
     assert bound("residual", Arm.of(UnitRevolute(), 8)).value == 0
     assert bound("residual", Arm.of(LeverRevolute(), 7)) == Bound(0.0, "closed form")
@@ -109,6 +110,17 @@ def test_the_record_is_for_unit_revolute_joints_only():
     mixed = bound("residual", Arm((*[UnitRevolute()] * 6, Prismatic())))
     assert mixed.kind == "proved (relaxation)"
     assert mixed.value == pytest.approx(1 / 12, rel=1e-9)
+
+
+@pytest.mark.parametrize("joints", [7, 8, 11])
+@pytest.mark.parametrize("kind", ["unit-revolute", "lever-revolute", "lever-revolute-each"])
+def test_where_the_relaxation_is_left_out_it_says_no_more(kind, joints):
+    for failures in range(1, min(joints - 6, 3) + 1):
+        sharper = relaxed(arm(kind, joints), failures).value
+        assert bound("max-min", arm(kind, joints), failures).value <= sharper
+    known = bound("isotropy", arm(kind, joints))
+    assert known is NONE_EXISTS or known.value <= relaxed(arm(kind, joints)).value
+    assert relaxed(arm(kind, joints), 1, "residual").value < 1e-9
 
 
 def test_gap_in_percent_of_the_bound():
