@@ -171,7 +171,7 @@ def judge(case: Case, run: Run, polish: PolishMethod | None = None) -> Record:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What the starts of a case came to, in the order of the starts.
+    """The results of all starts of a case, in the order of the starts.
 
     Attributes
     ----------
