@@ -333,7 +333,7 @@ class Outcome:
 
     @property
     def summary(self) -> str:
-        """The verdict, and the best score as what it is."""
+        """The verdict, and how many starts reached the best score."""
         if self.reached:
             share = f"{len(self.reached)} of {len(self.records)} starts at the best"
             return f"{self.verdict}, {share} {self.best.score:.9g}"
