@@ -54,7 +54,7 @@ from lockedjoint.synthesis.choice import choose_arrangement as choose_arrangemen
 from lockedjoint.synthesis.criteria import register_criterion as register_criterion
 from lockedjoint.synthesis.write_urdf import urdf as urdf
 
-# A robot that exists: the robot, and functions that answer questions about it; `measure` is above.
+# A robot that exists: the object, and functions of it (`measure` is above).
 from lockedjoint.robot import Robot as Robot
 from lockedjoint.kinematics.in_degrees import InDegrees as InDegrees
 from lockedjoint.kinematics.pose import Pose as Pose

@@ -333,7 +333,7 @@ class Outcome:
 
     @property
     def summary(self) -> str:
-        """The verdict, and how many starts reached the best score."""
+        """The verdict, and the best that the starts reached."""
         if self.reached:
             share = f"{len(self.reached)} of {len(self.records)} starts at the best"
             return f"{self.verdict}, {share} {self.best.score:.9g}"
