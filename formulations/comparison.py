@@ -172,6 +172,8 @@ def compare(
 
     Raises
     ------
+    InputError
+        If an argument is not allowed.
     KeyboardInterrupt
         If the user interrupted.
 

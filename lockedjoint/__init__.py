@@ -7,24 +7,27 @@
     outcome = lj.solve("max-min", "unit-revolute", joints=7)
     lj.measure(outcome.best.jacobian)
 
-This folder is the upper storey, robots and the command line. Each command is a function in
-`commands`, and works in these rooms:
+This folder is the upper layer: robots and the command line. Each command is a function in
+`commands`, and uses these folders (*rooms*):
 
 =====================================  ======================================================
 command                                rooms
 =====================================  ======================================================
 solve, compare, reproduce, bound,      `formulations`: the mathematics
 prove, verify, campaign, show, atlas
-realise                                `synthesis`: Jacobian to axes, links and URDF
-measure, posture, codegen              `robot`: one robot, its tool and task; `robots`: what is
-                                       asked of it; `kinematics`: files and chains;
-                                       `clearance`: distances between links
+realise                                `synthesis`: from a Jacobian to axes, links and URDF
+measure, posture, codegen              `robot`: one robot, its tool and task; `robots`:
+                                       functions that measure it and find postures;
+                                       `kinematics`: files and chains; `clearance`: distances
+                                       between links
 path                                   `paths`: trajectories that survive a failure
-recover                                `recovery`: after a failure
+recover                                `recovery`: trajectories after a failure, and proofs
+                                       that there is none
 workspace, prove-workspace             `workspaces`: what failures leave of the workspace
 view                                   `viewer`: a robot in a web page
 figure, and pictures of other answers  `figures`
-none                                   `adapters`: pink, mink, placo and JAX call us
+none                                   `adapters`: the worst case inside pink, mink, placo
+                                       and JAX
 =====================================  ======================================================
 
 Below are `formulations`, the mathematics, and `nlp`, the engine: folders beside this one, and

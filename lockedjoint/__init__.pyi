@@ -8,7 +8,7 @@ from lockedjoint.formulations.joints.kinds import Prismatic as Prismatic
 from lockedjoint.formulations.joints.kinds import FreeColumn as FreeColumn
 from lockedjoint.formulations.measures.unequal_failures import FailureModel as FailureModel
 
-# Statements: what is solved, and what comes out.
+# Formulations: how they are stated and solved.
 from lockedjoint.formulations.solving.solve import solve as solve
 from lockedjoint.formulations.solving.outcome import Outcome as Outcome
 from lockedjoint.formulations.comparison import compare as compare
@@ -38,7 +38,7 @@ from lockedjoint.formulations.existence.verify import excludes as excludes
 from lockedjoint.formulations.existence.verify import verified as verified
 from lockedjoint.formulations.existence.verify import verify_nonexistence as verify_nonexistence
 
-# The mathematics, one statement a module, and the paper's own numbers.
+# The mathematics: one formulation in each module, and the numbers of the paper.
 from lockedjoint.formulations import residual as residual
 from lockedjoint.formulations import max_min as max_min
 from lockedjoint.formulations import isotropy as isotropy
@@ -54,7 +54,7 @@ from lockedjoint.synthesis.choice import choose_arrangement as choose_arrangemen
 from lockedjoint.synthesis.criteria import register_criterion as register_criterion
 from lockedjoint.synthesis.write_urdf import urdf as urdf
 
-# A robot that exists, and what is asked of it; `measure` is above.
+# A robot that exists: the object, and functions of it (`measure` is above).
 from lockedjoint.robot import Robot as Robot
 from lockedjoint.kinematics.in_degrees import InDegrees as InDegrees
 from lockedjoint.kinematics.pose import Pose as Pose
@@ -70,7 +70,7 @@ from lockedjoint.workspaces.of_robot import prove_workspace as prove_workspace
 from lockedjoint.viewer.view import view as view
 from lockedjoint.robots.worst_case_code import codegen as codegen
 
-# After a failure: a trajectory with what is left, or a proof that there is none.
+# After a failure: a trajectory of the joints that are left, or a proof that there is none.
 from lockedjoint.recovery.recover import recover as recover
 from lockedjoint.recovery.recovery_search import RecoverySearch as RecoverySearch
 from lockedjoint.recovery.goal import ToolGoal as ToolGoal

@@ -47,7 +47,7 @@ _FROM_OBSTACLES_M = 0.005
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """A robot, its tool and task, and what is around it.
+    """A robot, its tool and task, and the obstacles around it.
 
     `source` may also be a model that pinocchio, mujoco or yourdfpy has loaded. `locked` and
     `limits` may be `InDegrees`. After the robot is made, its fields hold what was read:
@@ -59,24 +59,24 @@ class Robot:
     source
         What describes the robot: a URDF file, an MJCF file, a Denavit–Hartenberg table (.csv),
         robot_descriptions:NAME (a robot of the package robot_descriptions), or example, an arm
-        of seven joints that the library brings.
+        of seven joints in the package.
     tip
         The link that carries the tool, anywhere on the robot, and after a colon the point that
         is the tool, in the link's frame, in metres; by default the last link, if there is only
         one, and its origin.
     base
-        The link that the tool's motion is relative to, also the other hand of a robot with two
-        arms; by default the root.
+        The link relative to which the tool moves; it may be the other hand of a robot with two
+        arms. By default it is the root.
     task
         The directions of the tool that count: all, position, orientation, or some of
         vx,vy,vz,wx,wy,wz. They are along the axes of the base, or with tip: before them, as in
         tip:vz, of the tip. By default all count, and along a path those that its waypoints
         state.
     length
-        The characteristic length in metres, in which all lengths are measured; by default the
-        root mean square of the revolute joints' lever arms.
+        The characteristic length in metres: the unit in which all lengths are measured. By
+        default it is the root mean square of the revolute joints' lever arms.
     point
-        The point that is the tool, shape (3,), in metres, if it does not stand in `tip`.
+        The point that is the tool, shape (3,), in metres, if `tip` does not state it.
     locked
         Joints that have locked, and where, in radians or metres; they have no column in the
         Jacobian.
@@ -87,22 +87,21 @@ class Robot:
         they may touch, or with obstacles 0.005. It needs coal, and the meshes that the URDF
         file names.
     obstacles
-        What stands around the robot: a URDF file with fixed joints, or a mesh; in the frame of
+        Obstacles around the robot: a URDF file with fixed joints, or a mesh; in the frame of
         the base, or of the root if the base is another arm's hand.
     states
-        Configurations that have a name: positions by joint, by the name. They stand beside
-        those of the files.
+        Named configurations: positions by joint, by name. They are added to those of the files.
     srdf
-        The SRDF file beside a URDF file, as MoveIt has it: planning groups, states that have
-        names, and pairs of links whose distance is not looked at.
+        The SRDF file beside a URDF file, as MoveIt has it: planning groups, named states, and
+        pairs of links whose distance is not checked.
     group
-        The planning group of the SRDF file that moves: it states base and tip where these are
-        not given.
+        The planning group of the SRDF file that moves. It states base and tip, unless you give
+        them.
 
     Attributes
     ----------
     description
-        What was read of the source, once.
+        The contents of the source, which is read once.
     chain
         The n free joints from base to tip.
 

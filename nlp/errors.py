@@ -15,13 +15,22 @@ _SHOWN_CHARACTERS = 120
 
 
 class LockedJointError(Exception):
-    """Anything this library raises on purpose.
+    """The base of every error that this library raises on purpose.
 
     Attributes
     ----------
     exit_status
-        What a command ends with when this is what went wrong: 2 for input that is not
+        The exit status of a command that ends with this error: 2 for input that is not
         allowed, 1 for a check that failed.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> try:
+    ...     lj.measure("nowhere.csv")
+    ... except lj.LockedJointError as error:
+    ...     print(error.exit_status)
+    2
     """
 
     exit_status: ClassVar[int] = 2
@@ -87,7 +96,18 @@ class MissingLibraryError(InputError):
 
 
 class SolverOptionError(InputError):
-    """A solver option that does not exist or a value that it does not take."""
+    """A solver option that does not exist, or a value that the option does not take.
+
+    Examples
+    --------
+    >>> import lockedjoint as lj
+    >>> problem = lj.residual.build(lj.arm("unit-revolute", joints=7))
+    >>> try:
+    ...     lj.Solver(problem, {"tol": -1})
+    ... except lj.SolverOptionError as error:
+    ...     print(error.argument)
+    Ipopt option tol
+    """
 
 
 class FileError(InputError):

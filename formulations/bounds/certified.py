@@ -73,6 +73,11 @@ class Bound:
         How it is known: ``closed form``, ``exact proof``, ``proved`` (rounding errors
         included) or ``numerical``, with the relaxation or the search in parentheses.
 
+    Raises
+    ------
+    InputError
+        If the value is no number or the kind is no text.
+
     Examples
     --------
     >>> import lockedjoint as lj

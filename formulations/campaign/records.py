@@ -55,7 +55,21 @@ _PROBLEM = {"formulation": str, "model": str, "joints": int, "task_dimension": i
 
 
 def open_store(path: Path | str, *, writable: bool = False) -> Store:
-    """Open a campaign's store; see `lockedjoint.formulations.campaign.store.Store`.
+    """Open the store of a campaign; use it in a ``with`` block, or close it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    writable
+        Whether records can be added. A writable store is made if there is none.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be opened, or is no SQLite file.
+    StoreError
+        If it has other tables, or if its structure or a record is damaged.
 
     Examples
     --------

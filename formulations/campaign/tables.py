@@ -53,14 +53,30 @@ def read_campaign(
     by: Sequence[str] | None = None,
     columns: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    r"""Read a table of a campaign's store, a file or one that is open.
+    r"""Read a table of the store of a campaign.
 
-    The table is ``"groups"``, a row a group of records, see `grouped`; ``"records"``, a row
-    each, see `frame`; or ``"optima"``, a row a distinct optimum, see `optima`. `where` is a
-    condition of ``pandas.DataFrame.query`` on the records; `by` has the settings that make
-    groups, by default all that differ; `columns` those wanted, by default all. StoreError if
-    the file is no store or a record is damaged, MissingLibraryError without pandas, InputError
-    for any other argument.
+    Parameters
+    ----------
+    store
+        The file, or a store that is open.
+    table
+        ``"groups"``: a row for each group of records, see `grouped`. ``"records"``: a row for
+        each record, see `frame`. ``"optima"``: a row for each distinct optimum, see `optima`.
+    where
+        A condition of ``pandas.DataFrame.query`` on the records; empty for all.
+    by
+        The settings that make groups; by default all that differ.
+    columns
+        The columns of the result; by default all.
+
+    Raises
+    ------
+    StoreError
+        If the file is no store, or a record is damaged.
+    MissingLibraryError
+        If pandas is not installed.
+    InputError
+        If an argument is not allowed.
 
     Examples
     --------

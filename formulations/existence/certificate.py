@@ -51,7 +51,19 @@ EquationKind: TypeAlias = Literal["row-sum", "square", "tight-frame"]
 
 
 class CertificateError(LockedJointError):
-    """A certificate that is ill-formed, or whose equations do not hold."""
+    """A certificate that is ill-formed, or whose equations do not hold.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import lockedjoint as lj
+    >>> _ = Path("empty.json").write_text("{}")
+    >>> try:
+    ...     lj.read_certificate("empty.json")
+    ... except lj.CertificateError as error:
+    ...     print(error.exit_status)
+    1
+    """
 
     exit_status: ClassVar[int] = 1
 

@@ -33,9 +33,24 @@ _RATIONAL = re.compile(rf"-?(0|[1-9][0-9]{{0,{DIGITS - 1}}})(/[1-9][0-9]{{0,{DIG
 
 
 def read_certificate(path: Path | str) -> Certificate | ExactJacobian:
-    """Return the certificate in a file, of nonexistence or, if it has columns, of existence.
+    """Return the certificate in a file, of nonexistence or of existence.
 
-    FileError if it cannot be read or is no JSON text, CertificateError if it is ill-formed.
+    Parameters
+    ----------
+    path
+        A JSON file.
+
+    Returns
+    -------
+    Certificate or ExactJacobian
+        An `ExactJacobian` if the file has columns. It is well-formed, but not yet verified.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or is no JSON text.
+    CertificateError
+        If the certificate is ill-formed.
 
     Examples
     --------

@@ -52,7 +52,22 @@ class TheoremReport:
 
 
 def verify_nonexistence(certificate: Certificate) -> TheoremReport:
-    """Verify a certificate; CertificateError if the identity does not hold.
+    """Verify a certificate of nonexistence, in exact arithmetic.
+
+    Parameters
+    ----------
+    certificate
+        The certificate, as `read_certificate` returns it.
+
+    Returns
+    -------
+    TheoremReport
+        What the certificate proves, with its sizes.
+
+    Raises
+    ------
+    CertificateError
+        If the identity does not hold.
 
     Examples
     --------
@@ -185,7 +200,17 @@ def package_certificate() -> Certificate:
 
 @lru_cache(maxsize=1)
 def verified() -> TheoremReport:
-    """Verify the package's certificate; CertificateError if the identity does not hold.
+    """Verify the certificate of nonexistence in the package, in exact arithmetic.
+
+    Returns
+    -------
+    TheoremReport
+        What the certificate proves, with its sizes.
+
+    Raises
+    ------
+    CertificateError
+        If the identity does not hold.
 
     Examples
     --------
@@ -197,13 +222,24 @@ def verified() -> TheoremReport:
 
 
 def excludes(unit_revolute_joints: int) -> bool:
-    """Whether it is proved that so many revolute joints have no optimally failure-tolerant
-    Jacobian in six task dimensions (docs/nonexistence.md).
+    """Whether it is proved that n revolute joints have no optimally failure-tolerant Jacobian.
+
+    The task has six dimensions; docs/nonexistence.md has the proof.
+
+    Parameters
+    ----------
+    unit_revolute_joints
+        The number of joints n.
+
+    Raises
+    ------
+    CertificateError
+        If the certificate in the package does not hold.
 
     Examples
     --------
     >>> import lockedjoint as lj
     >>> lj.excludes(7), lj.excludes(8)
     (True, False)
-    """  # noqa: D205
+    """
     return verified().joints == unit_revolute_joints

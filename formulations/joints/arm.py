@@ -31,7 +31,7 @@ _MOST_JOINTS = 10_000
 
 @dataclass(frozen=True, repr=False)
 class Arm(ColumnModel):
-    """A manipulator as a row of joint kinds, one per column of its Jacobian.
+    """A manipulator: one kind of joint for each column of its Jacobian.
 
     Parameters
     ----------

@@ -58,9 +58,22 @@ def trace_condition(
     equal: bool = True,
     shared: bool = False,
 ) -> GramCondition:
-    """Return the condition that the sum of the squares of a column's entries in `rows` is b.
+    """Return a condition on the sum of the squares of a column's entries in some rows.
 
-    b is `limit`, or a limit from above if not `equal`; `dimension` is m.
+    Parameters
+    ----------
+    name
+        What the condition says, in a few words.
+    dimension
+        Number of task dimensions m.
+    rows
+        The rows of the column.
+    limit
+        The value of the sum, in the squared unit of the entries.
+    equal
+        Whether the sum equals `limit`, or is at most `limit`.
+    shared
+        Whether the condition is on the mean over all joints of the kind.
 
     Examples
     --------

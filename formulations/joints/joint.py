@@ -39,7 +39,19 @@ MOST_VARIABLES = 1000
 
 
 class NotInModelError(InputError):
-    """A Jacobian with a column that its joint cannot contribute."""
+    """A Jacobian with a column that its joint cannot have.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import lockedjoint as lj
+    >>> arm = lj.arm("unit-revolute", joints=7)
+    >>> try:
+    ...     arm.variables(np.ones((6, 7)))
+    ... except lj.NotInModelError as error:
+    ...     print(type(error).__name__)
+    NotInModelError
+    """
 
 
 class ColumnModel(Protocol):

@@ -99,11 +99,13 @@ class UnitRevolute(Joint):
 class LeverRevolute(Joint):
     """Revolute joint with a free lever arm: |ω| = 1, v·ω = 0 and |v| bounded.
 
-    With a pitch c it is a screw joint, with the column (v + cω; ω). The same columns, v and ω
-    exchanged, are forces ω and moments of thrusters: c is a rotor's ratio of drag to thrust.
+    With a pitch c it is a screw joint, with the column (v + cω; ω). With its two halves
+    exchanged, this column is the wrench of a thruster: ω is its force, v + cω the moment, and c
+    the ratio of drag to thrust of a rotor.
 
-    The parameters are v and ω themselves, held by those two equations: twice as many random
-    starts reach the best isotropic 7R as with the angles of eq. (21) and two components of v.
+    The parameters are v and ω themselves, under the two equations |ω| = 1 and v·ω = 0. Twice as
+    many random starts reach the best isotropic 7R as with the angles of eq. (21) and two
+    components of v.
 
     Parameters
     ----------

@@ -172,14 +172,18 @@ _WIDTH = 512
 
 
 def canonical_form(jacobian: npt.ArrayLike, symmetry: Symmetry | None = None) -> FloatArray:
-    """Return the representative of J's class, shape (m, n).
+    """Return the form that all Jacobians share that are the same as J, shape (m, n).
+
+    Two Jacobians are the same if they differ only by the frame of the task, the order of the
+    joints and the signs of their axes; if all joints are unit revolute, also by a common phase
+    and the mirror image.
 
     Parameters
     ----------
     jacobian
         Shape (m, n), n > m.
     symmetry
-        What counts as the same; by default `symmetry_of` J.
+        Which of these changes count; by default `symmetry_of` J.
 
     Raises
     ------
@@ -214,21 +218,26 @@ def group_equivalent(
     tolerance: float = 1e-3,
     symmetry: Symmetry | None = None,
 ) -> list[list[int]]:
-    """Group Jacobians that are the same.
+    """Group Jacobians that are the same; see `canonical_form`.
 
     Parameters
     ----------
     jacobians
-        Matrices of one shape.
+        Matrices of one shape (m, n).
     tolerance
         Largest difference of inner products, relative to ‖J‖_F²/n, within a group.
     symmetry
-        What counts as the same; by default what all of them allow.
+        Which changes count; by default those that all of them allow.
 
     Returns
     -------
     list of list of int
-        Positions in `jacobians`, one list per class, in the order of first appearance.
+        Positions in `jacobians`, one list per group, in the order of first appearance.
+
+    Raises
+    ------
+    InputError
+        If the shapes differ, a matrix is no Jacobian, or the tolerance is negative.
 
     Examples
     --------

@@ -171,7 +171,7 @@ def judge(case: Case, run: Run, polish: PolishMethod | None = None) -> Record:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What the starts of a case came to, in the order of the starts.
+    """The results of all starts of a case, in the order of the starts.
 
     Attributes
     ----------
@@ -333,7 +333,7 @@ class Outcome:
 
     @property
     def summary(self) -> str:
-        """The verdict, and the best score as what it is."""
+        """The verdict, and the best that the starts reached."""
         if self.reached:
             share = f"{len(self.reached)} of {len(self.records)} starts at the best"
             return f"{self.verdict}, {share} {self.best.score:.9g}"

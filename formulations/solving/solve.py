@@ -48,8 +48,8 @@ def solve(
     Parameters
     ----------
     formulation
-        ``"residual"``, ``"max-min"``, ``"isotropy"``, ``"manipulability"``, the name of one
-        that was registered, or any object with the names of `Formulation`.
+        ``"residual"``, ``"max-min"``, ``"isotropy"``, ``"manipulability"``, ``"condition"``,
+        the name of one that was registered, or any object with the names of `Formulation`.
     arm
         Any `ColumnModel`: an `Arm` of joints to be designed, or a `RobotArm`. Also a row of
         joints, or their kind by its name in `lockedjoint.formulations.joints.models`, or a mix

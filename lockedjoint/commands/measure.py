@@ -45,7 +45,7 @@ def measure(
     file
         A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
         of several, counted from 0; or a robot: a URDF file, an MJCF file, a Denavit–Hartenberg
-        table in CSV, robot_descriptions:NAME, or example, an arm that the library brings.
+        table in CSV, robot_descriptions:NAME, or example, an arm in the package.
     q
         Only robots have one; by default it is midway between the limits.
     relative_tolerance

@@ -20,7 +20,9 @@ from lockedjoint.nlp.problem import Constraint
 
 @dataclass(frozen=True, repr=False)
 class Pose(Brief):
-    """Where the tip's point is to be, along the axes of the base, and how nearly.
+    """The position that the tip's point has to reach, its orientation, and tolerances.
+
+    All of it is along the axes of the base.
 
     Parameters
     ----------

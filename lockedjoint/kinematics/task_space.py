@@ -24,8 +24,8 @@ class TaskSpace(Brief):
     directions
         Some of `DIRECTIONS`, each once: linear (v) and rotational (w) velocities.
     frame
-        The frame whose axes they are along, ``"base"`` or ``"tip"``. It makes no difference
-        to singular values where they are all three v, all three w, or both.
+        The frame along whose axes they are, ``"base"`` or ``"tip"``. If they are all three v,
+        all three w, or both, the frame makes no difference to singular values.
 
     Raises
     ------

@@ -27,8 +27,8 @@ class PathSearch(Brief):
     duration
         Duration in seconds of the whole path, if the waypoints have no times.
     tracks
-        Candidate trajectories of the joints, which the search combines, of arms with several
-        joints to spare; a 24th as many are tried beside the best sequence.
+        Number of candidate trajectories that the search combines, for arms with several joints
+        to spare. A 24th of this number is tried beside the best sequence.
     rounds
         How often trajectories beside the best sequence are added.
     seed

@@ -37,13 +37,17 @@ def path(
     q: Any = None,
     **settings: Any,
 ) -> PathPlan:
-    """Find the trajectory of the joints along which most of them may lock at most times.
+    """Find the trajectory of the joints on which the tool can finish its path most often.
+
+    A failure is one joint that locks at one sample of the path. The search looks for the
+    trajectory that survives as many of these failures as possible.
 
     Parameters
     ----------
     robot
-        A `Robot`, or what makes one. Its task is kept along the path; by default all directions
-        that the waypoints state. So is what its links keep from each other and from obstacles.
+        A `Robot`, or what makes one. The directions of its task are kept along the path; by
+        default all that the waypoints state. Its links keep its `clearance` from each other and
+        from its obstacles.
     waypoints
         The path of the tool, or a file of it; see `read_waypoints`.
     search
@@ -60,7 +64,15 @@ def path(
     Returns
     -------
     PathPlan
-        See `plan_path`, which also says what is raised, and `approach`.
+        The trajectory, and which failures it survives; see `plan_path` and `approach`.
+
+    Raises
+    ------
+    InputError
+        If a waypoint, or the path between two, is out of reach, if the limits or the distances
+        to be kept leave no trajectory, or if another argument is not allowed.
+    KeyboardInterrupt
+        If interrupted before a first trajectory was found.
 
     Examples
     --------

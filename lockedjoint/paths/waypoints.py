@@ -93,9 +93,9 @@ class ToolPath(Brief):
     quaternions
         Orientations, scalar last, shape (W, 4); None if the orientation is free.
     times
-        Seconds, increasing, shape (W,); None to share a duration out by length.
+        Seconds, increasing, shape (W,); None if a duration is divided in proportion to lengths.
     notes
-        What to check of the numbers of a file, one sentence each.
+        Sentences about numbers of a file that look wrong.
 
     Examples
     --------

@@ -1,6 +1,7 @@
-"""A check of recoveries that shares nothing with what finds them.
+"""A check of recoveries, with forward kinematics that the search for them does not use.
 
-Forward kinematics walks the robot's tree joint by joint, in homogeneous matrices of its own.
+It walks the robot's tree joint by joint, in homogeneous matrices. What a goal, a trajectory and
+the clearance of links are, is defined once, for the search and for this check.
 """
 
 from __future__ import annotations

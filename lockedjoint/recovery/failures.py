@@ -35,8 +35,15 @@ _KINDS = "Locked, ReducedRange, ReducedSpeed or FreeSwinging"
 class Locked:
     """A joint that cannot move any more.
 
-    It has locked `at` a position, in radians or metres; by default where it stands when it
-    fails.
+    `lj.recover` refuses an unknown joint, and a position outside the limits.
+
+    Parameters
+    ----------
+    joint
+        Its name.
+    at
+        The position at which it has locked, in radians or metres; by default where it stands
+        when it fails.
 
     Examples
     --------
@@ -51,7 +58,16 @@ class Locked:
 
 @dataclass(frozen=True)
 class ReducedRange:
-    """A joint that can only move from `lower` to `upper`, radians or metres.
+    """A joint that can move in a part of its range only.
+
+    `lj.recover` refuses an unknown joint, and limits that are no range.
+
+    Parameters
+    ----------
+    joint
+        Its name.
+    lower, upper
+        The limits that are left, in radians or metres.
 
     Examples
     --------
@@ -67,7 +83,16 @@ class ReducedRange:
 
 @dataclass(frozen=True)
 class ReducedSpeed:
-    """A joint that is only as fast as a share, above 0 and at most 1, of its largest speed.
+    """A joint that reaches a share of its largest speed only.
+
+    `lj.recover` refuses an unknown joint, and one whose largest speed the robot does not state.
+
+    Parameters
+    ----------
+    joint
+        Its name.
+    share
+        The share of the largest speed, above 0 and at most 1, without a unit.
 
     Examples
     --------
@@ -82,7 +107,14 @@ class ReducedSpeed:
 
 @dataclass(frozen=True)
 class FreeSwinging:
-    """A joint without torque and brake: it hangs as gravity has it, within its limits.
+    """A joint without torque and brake: it hangs where gravity holds it, within its limits.
+
+    `lj.recover` refuses an unknown joint, and a robot without masses.
+
+    Parameters
+    ----------
+    joint
+        Its name.
 
     Examples
     --------

@@ -33,8 +33,8 @@ class ToolGoal:
     pose
         Position, orientation if it is not free, and tolerances; along the axes of the base.
     directions
-        Those that count, along the axes of the base, or with frame ``"tip"`` along those of
-        the tool at the pose; by default all that the pose has.
+        The directions that count: along the axes of the base, or, with frame ``"tip"``, along
+        those of the tool at the pose; by default all that the pose states.
 
     Raises
     ------

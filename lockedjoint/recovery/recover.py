@@ -54,11 +54,11 @@ def recover(
     Parameters
     ----------
     robot
-        A `Robot`, or what makes one. What its links keep from each other and from obstacles is
-        kept by what is left of it.
+        A `Robot`, or what makes one. Its links keep its `clearance` from each other and from
+        its obstacles, after the failure too.
     q
-        Where the arm is: radians or metres of all joints, those that fail included; see
-        `Robot.configuration`.
+        The configuration of the arm: radians or metres of all joints, those that fail included;
+        see `Robot.configuration`.
     failures
         One failure, or a list: joints that have locked (`Locked`), or are left a smaller range
         (`ReducedRange`) or speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`),
@@ -68,7 +68,7 @@ def recover(
         A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
         or a path, see `lockedjoint.recovery.along_path`.
     search
-        How much is tried.
+        How much is tried, and for how long.
     acceleration, velocity
         Limits of all joints, or one for all, per second; by default those of the file (1 where
         it has none), and accelerations that reach them in half a second.
@@ -80,9 +80,10 @@ def recover(
     Returns
     -------
     Recovery
-        A trajectory that passed the check of `lockedjoint.recovery.checking`; or impossible,
-        proved or numerical: the goal is out of reach of what can move, collisions not looked
-        at; or not found; and what was tried.
+        One of three answers, and what was tried: a trajectory that has passed the check of
+        `lockedjoint.recovery.checking`; impossible, proved or numerical, which says that the
+        joints that can still move do not reach the goal, even if they may collide; or not
+        found.
 
     Raises
     ------

@@ -15,7 +15,7 @@ _FEW_BOXES = 20_000
 
 @dataclass(frozen=True)
 class RecoverySearch:
-    """How much is tried.
+    """How much `recover` tries, and for how long.
 
     Parameters
     ----------

@@ -65,6 +65,11 @@ def measure(
     tolerance
         Relative tolerance of the verdict that a Jacobian is optimally failure tolerant.
 
+    Returns
+    -------
+    Assessment or RobotAssessment
+        What each failure leaves, the worst case σ and its bound, of a Jacobian or of a robot.
+
     Raises
     ------
     InputError

@@ -144,20 +144,29 @@ def posture(
     Parameters
     ----------
     robot
-        A `Robot`, or what makes one. What its links keep from each other and from obstacles is
-        kept.
+        A `Robot`, or what makes one. Its links keep its `clearance` from each other and from
+        its obstacles.
     search
         What is optimised, and from how many starts; by default max-min, from as many as the
         stopping rule wants.
     at
-        Where the tool is to be; free if left out.
+        The pose that the tool has to keep; by default any.
     **settings
         Fields of `Search`, in place of those of the search, such as ``starts=20``.
 
     Returns
     -------
     Posture
-        See `best_posture`, which also says what is raised.
+        The configuration, what each failure leaves there, and how it was found.
+
+    Raises
+    ------
+    RobotError
+        If no start gave a posture that satisfies the formulation.
+    InputError
+        If an argument is not allowed, or the pose is out of reach.
+    KeyboardInterrupt
+        If interrupted before the first start ended.
 
     Examples
     --------

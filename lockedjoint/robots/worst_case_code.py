@@ -107,7 +107,7 @@ def worst_case_function(arm: RobotArm, name: str = "worst_case") -> ca.Function:
     Raises
     ------
     InputError
-        If the name is none that C and CasADi take.
+        If C or CasADi does not allow the name.
     """
     of_kind("arm", arm, RobotArm, "a RobotArm")
     check_name("name", name)
@@ -158,7 +158,7 @@ class Code:
 
 
 def codegen(robot: object, name: str = "worst_case") -> Code:
-    """Write a C function: worst-case singular value, its gradient, the worst joint.
+    """Make a C function of the worst-case singular value, its gradient and the worst joint.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def codegen(robot: object, name: str = "worst_case") -> Code:
     Raises
     ------
     InputError
-        If the name is none that C and CasADi take.
+        If C or CasADi does not allow the name.
 
     Examples
     --------
@@ -196,7 +196,7 @@ def worst_case_code(arm: RobotArm, name: str = "worst_case") -> tuple[str, str]:
     Raises
     ------
     InputError
-        If the name is none that C and CasADi take.
+        If C or CasADi does not allow the name.
     """
     function = worst_case_function(arm, name)
     generator = ca.CodeGenerator(name)

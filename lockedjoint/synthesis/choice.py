@@ -60,15 +60,21 @@ def choose_arrangement(
 ) -> Choice:
     """Return the best arrangement of a manipulator's joints by one criterion.
 
-    See `rank` for which are compared, and for the arguments. Of arrangements that tie, the one
-    with the largest clearance is taken, then the first in lexicographic order.
+    `rank` says which arrangements are compared. If several are equally good, the one with the
+    largest clearance is taken, then the first in lexicographic order.
 
     Parameters
     ----------
     manipulator, by, sampling, shortlist
         See `rank`.
     ranking
-        The result of `rank` for the same arguments, if it is there already.
+        The result of `rank` for the same arguments, if you have it already.
+
+    Raises
+    ------
+    InputError
+        If there is no such criterion, it is not defined for such a manipulator, or the
+        shortlist is not at least 1.
 
     Examples
     --------

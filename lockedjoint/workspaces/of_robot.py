@@ -56,7 +56,7 @@ def workspace(
     progress: Callable[[str], None] = lambda _: None,
     **settings: Any,
 ) -> Workspace:
-    """Measure the workspace that is kept whatever joint fails, or make it largest.
+    """Measure the workspace that is kept whichever joint locks, or maximise it.
 
     Parameters
     ----------
