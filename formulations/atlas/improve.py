@@ -8,7 +8,7 @@ number are solved by `polish`, all others as any case is, by Ipopt.
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import process_time
@@ -147,10 +147,15 @@ def after_each_seed(
         used = max(result.cpu_seconds, process_time() - begun)
         spent += used
         found = _after_one_more_seed(result.found, used)
+        better = None
         if result.jacobian is not None:
-            page = improved(asked, result.jacobian, found, page)
-        elif page is not None:
-            page = replace(page, found=found)
+            # A Jacobian that satisfies the model to the solver's tolerance alone, too far off
+            # for a proof of its value, is refused; the search goes on.
+            with suppress(InputError):
+                better = improved(asked, result.jacobian, found, page)
+        if better is None and page is not None:
+            better = replace(page, found=found)
+        page = better
         yield page
 
 

@@ -26,7 +26,7 @@ from lockedjoint.formulations.atlas.collection import (
     write_page,
 )
 from lockedjoint.formulations.atlas.entry import Entry, Found, entries, entry
-from lockedjoint.formulations.atlas.improve import improve
+from lockedjoint.formulations.atlas.improve import SeedResult, after_each_seed, improve
 from lockedjoint.formulations.atlas.local_optimality import local_optimality
 from lockedjoint.formulations.atlas.proved_value import (
     distance_from_model,
@@ -228,6 +228,20 @@ def test_a_jacobian_finds_the_narrowest_entry():
     assert entry_of(scaled, 1).model == "free-mean"
     with pytest.raises(InputError, match="columns of one of the models"):
         entry_of(2 * unit, 1)
+
+
+def test_a_search_goes_on_after_a_jacobian_too_far_from_the_model():
+    page = page_of(entry("lever-revolute-each_6x8_k2"))
+    longer = page.jacobian.copy()
+    longer[:, 0] *= 1 + 3e-6
+
+    def far_then_known(known, seed):
+        found = replace(known.found, starts=known.found.starts + 20)
+        return SeedResult(longer if seed == page.found.seeds else page.jacobian, found, 1.0)
+
+    pages = list(after_each_seed(page.entry, page, 1.5 / 60, far_then_known, lambda _: None))
+    assert [one.found.starts - page.found.starts for one in pages] == [20, 40]
+    assert all(np.array_equal(one.jacobian, page.jacobian) for one in pages)
 
 
 def test_a_search_goes_on_where_it_stopped():
