@@ -48,10 +48,8 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
 def test_a_measure_loads_no_scipy(lockedjoint, robot):
     """It would take half of the time of the command."""
     lockedjoint.python(
-        "import sys\n"
-        "from lockedjoint.__main__ import main\n"
-        f"sys.argv[1:] = ['measure', {str(robot)!r}]\n"
-        "assert main() == 0\n"
+        "import sys, lockedjoint as lj\n"
+        f"print(lj.measure({str(robot)!r}))\n"
         "loaded = [name for name in sys.modules if name.startswith('scipy')]\n"
         "assert not loaded, loaded\n"
     )
