@@ -140,7 +140,6 @@ class Robot:
     chain: Chain = field(init=False)
 
     def __post_init__(self) -> None:
-        from lockedjoint.clearance.read_clearance import Obstacles
         from lockedjoint.kinematics.description import Description
         from lockedjoint.kinematics.srdf import Srdf
         from lockedjoint.kinematics.tip import chosen_tip
@@ -154,8 +153,11 @@ class Robot:
         if self.group is not None:
             base, tip = self._ends_of_group(srdf, described.tree, tip)
         obstacles = self.obstacles
-        if obstacles is not None and not isinstance(obstacles, Obstacles):
-            obstacles = Obstacles.read(obstacles)
+        if obstacles is not None:
+            from lockedjoint.clearance.read_clearance import Obstacles
+
+            if not isinstance(obstacles, Obstacles):
+                obstacles = Obstacles.read(obstacles)
         # What was read replaces what was given; the dataclass is frozen, so not by assignment.
         kept: dict[str, Any] = {
             "source": described,

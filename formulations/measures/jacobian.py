@@ -196,7 +196,7 @@ def locked_singular_values(jacobian: npt.ArrayLike, failures: int = 1) -> FloatA
     sets = locked_sets(matrix, failures)
     if matrix.shape[1] - failures < matrix.shape[0]:
         return np.zeros(len(sets))
-    return remaining_singular_values(matrix, sets)[:, -1]
+    return _remaining(matrix, np.array(sets))[:, -1]
 
 
 def remaining_singular_values(
@@ -207,18 +207,28 @@ def remaining_singular_values(
     All sets have one size, which leaves at least m columns.
     """
     matrix = as_jacobian(matrix, "matrix")
-    size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
     chosen = as_floats("sets", entries_of("sets", sets, "sets of joints"))
     if chosen.ndim != 2 or not np.all(np.isin(chosen, range(matrix.shape[1]))):
         allowed = f"sets of as many joints each, from 0 to {matrix.shape[1] - 1}"
         raise InputError("sets", sets, allowed)
-    chosen = chosen.astype(int)
+    return _remaining(matrix, chosen.astype(int))
+
+
+def _remaining(matrix: FloatArray, sets: npt.NDArray[np.int_]) -> FloatArray:
+    """Return what `remaining_singular_values` does, of sets as an array, shape (sets, k)."""
+    size = max(1, _CHUNK // matrix.size)  # memory stays bounded, however many sets there are
+    kept = np.ones((len(sets), matrix.shape[1]), dtype=bool)
+    np.put_along_axis(kept, sets, False, axis=1)
+    counts = kept.sum(axis=1)
+    if np.any(counts != counts[:1]):
+        raise InputError("sets", sets.tolist(), "sets of as many different joints each")
+    left = np.nonzero(kept)[1].reshape(len(sets), -1)
     parts = [
         np.linalg.svd(
-            np.array([np.delete(matrix, joints, axis=1) for joints in chosen[k : k + size]]),
+            matrix[:, left[k : k + size]].transpose(1, 0, 2),
             compute_uv=False,
         )
-        for k in range(0, len(chosen), size)
+        for k in range(0, len(sets), size)
     ]
     return np.concatenate(parts)
 

@@ -249,13 +249,13 @@ def worst_case_of_one(
     least eigenvalue of JJᵀ − jjᵀ. It is computed for those failures that can be the worst by
     them. σ is then |J_Fᵀu|, right to the square of the error of u.
     """
-    square, dsyev = jacobian @ jacobian.T, _dsyev()
+    square, decomposed = jacobian @ jacobian.T, dsyev()
     lower, upper = bounds.tolist()
     limit = max(lower) * (1 - _BOUND_ERROR)
     joint, values, left = -1, [math.inf], jacobian[:, 0]
     for f in [f for f, bound in enumerate(upper) if bound >= limit]:
         column = jacobian[:, f]
-        found, vectors, _ = dsyev(square - column[:, None] * column)
+        found, vectors, _ = decomposed(square - column[:, None] * column)
         if found[0] < values[0]:
             joint, values, left = f, found.tolist(), vectors[:, 0]
     least, largest = values[0], values[-1]
@@ -273,8 +273,11 @@ def worst_case_of_one(
 
 
 @cache
-def _dsyev() -> Callable[..., Any]:
-    """Return LAPACK's eigenvalues of one matrix, in half the time that NumPy takes."""
+def dsyev() -> Callable[..., Any]:
+    """Return SciPy's `dsyev`, LAPACK's eigenvalues and vectors of one symmetric matrix.
+
+    It takes half the time that NumPy takes, and can write in place.
+    """
     from scipy.linalg import lapack
 
     return cast(Callable[..., Any], lapack.dsyev)

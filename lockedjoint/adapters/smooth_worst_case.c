@@ -133,7 +133,7 @@ static void ordered(double vectors[ROWS][ROWS], double *values) {
    q: positions of the joints. found: room for s and the same. gradient: room for ∂s/∂q. */
 double smooth_worst_case(const double *q, double width, double *found, double *gradient) {
   double left[JOINTS][ROWS][ROWS], jacobian[PAIRS], columns[6 * MOTIONS];
-  double values[PAIRS], vectors[ROWS * PAIRS], beside[ROWS], work[WORK];
+  double values[ROWS], vectors[ROWS * PAIRS], beside[ROWS], work[WORK];
   const double *given[GIVEN];
   double *results[RESULTS];
   casadi_int whole[WHOLE];
@@ -144,18 +144,16 @@ double smooth_worst_case(const double *q, double width, double *found, double *g
   results[2] = columns;
   smooth_before(given, results, whole, work, 0);
   for (f = 0; f < JOINTS; f++) {
-    double *own = values + f * ROWS;
-    tridiagonal(left[f], own, beside);
-    if (!eigenvalues(left[f], own, beside)) return 0;
-    ordered(left[f], own);
+    tridiagonal(left[f], values, beside);
+    if (!eigenvalues(left[f], values, beside)) return 0;
+    ordered(left[f], values);
     for (i = 0; i < ROWS; i++)
-      for (k = 0; k < ROWS; k++) vectors[i * PAIRS + f * ROWS + k] = left[f][i][k];
+      for (k = 0; k < ROWS; k++) vectors[(f * ROWS + k) * ROWS + i] = left[f][i][k];
   }
   given[0] = jacobian;
   given[1] = columns;
-  given[2] = values;
-  given[3] = vectors;
-  given[4] = &width;
+  given[2] = vectors;
+  given[3] = &width;
   results[0] = found;
   results[1] = gradient;
   smooth_after(given, results, whole, work, 0);

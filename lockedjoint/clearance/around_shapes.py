@@ -15,7 +15,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from lockedjoint.clearance.shapes import Shape, solid
 from lockedjoint.nlp.arrays import FloatArray
@@ -88,6 +87,8 @@ def _points(shape: Shape) -> tuple[FloatArray, float]:
     elif shape.kind == "cylinder":
         points = _rims(*shape.size)
     else:
+        from scipy.spatial import ConvexHull, QhullError  # takes long to load
+
         points = np.asarray(solid(shape).vertices(), dtype=float).reshape(-1, 3)
         with suppress(QhullError):  # where all are in one plane, all are taken
             points = points[ConvexHull(points).vertices]

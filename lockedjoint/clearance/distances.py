@@ -16,7 +16,7 @@ change the arrays.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import product
 from typing import Any, TypeAlias
 
@@ -75,6 +75,27 @@ def distance(
     return gap, ends
 
 
+def gap_of(first: Placed, second: Placed, enough: float, found: Any) -> float:
+    """Return the distance that `distance` returns, sooner: without points.
+
+    `found` is a DistanceResult of coal, which the caller keeps for many calls.
+    """
+    found.clear()
+    measured, request = _request()
+    hulls = _hull(first[0]), _hull(second[0])
+    gap = float(measured(hulls[0], first[1], hulls[1], second[1], request, found))
+    if gap >= enough or "mesh" not in (first[0].kind, second[0].kind):
+        return gap
+    return distance(first, second, enough)[0]
+
+
+@cache
+def _request() -> tuple[Any, Any]:
+    """Return coal's function for distances, and what is asked of it: nothing special."""
+    coal = library("coal")
+    return coal.distance, coal.DistanceRequest()
+
+
 def _measured(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[float, Ends]:
     """Return coal's distance of two geometries at their places, and the nearest points.
 
@@ -83,8 +104,9 @@ def _measured(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[float, E
     second call.
     """
     coal = library("coal")
+    measured, request = _request()
     found = coal.DistanceResult()
-    gap = float(coal.distance(*first, *second, coal.DistanceRequest(), found))
+    gap = float(measured(*first, *second, request, found))
     ends = found.getNearestPoint1().copy(), found.getNearestPoint2().copy()
     if gap <= 0:
         common = coal.CollisionResult()

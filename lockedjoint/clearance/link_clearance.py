@@ -26,13 +26,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from lockedjoint.clearance.around_shapes import Capsule
-from lockedjoint.clearance.distances import Ends, Placed, distance
+from lockedjoint.clearance.distances import Ends, Placed, distance, gap_of
 from lockedjoint.clearance.placed_bodies import BodyPlacement, body_placements, placed_frames
 from lockedjoint.clearance.shapes import Shape
 from lockedjoint.formulations.io.objects import library
@@ -253,13 +253,20 @@ class LinkClearance:
         gaps = self.distances(configurations) if distances is None else distances.copy()
         wanted = gaps < self.leasts[:, None] if wanted is None else wanted
         columns = np.flatnonzero(wanted.any(axis=0))
+        some = wanted[:, columns]
         rotations, origins = self.frames(configurations[:, columns])
-        for place, k in enumerate(columns):
-            which = np.flatnonzero(wanted[:, k])
-            pairs = [self.pairs[i] for i in which]
-            placed = self._placed(rotations[..., place], origins[..., place], pairs)
-            for i, (_, frames) in zip(which, placed, strict=True):
-                gaps[i, k] = _nearest_points(*frames, float(self.leasts[i]))[0]
+        found = library("coal").DistanceResult()
+        placed: dict[int, list[_PlacedShape]] = {}
+        for i in np.flatnonzero(some.any(axis=1)).tolist():
+            for k in self.pairs[i]:
+                if k not in placed:
+                    body = self.links[k].body
+                    placed[k] = _placed_shapes(self.links[k], rotations[body], origins[body])
+            first, second = (placed[k] for k in self.pairs[i])
+            which, enough = np.flatnonzero(some[i]), float(self.leasts[i])
+            gaps[i, columns[which]] = [
+                _nearest(first, second, place, enough, found) for place in which.tolist()
+            ]
         return gaps
 
     def is_kept(self, configurations: FloatArray) -> BoolArray:
@@ -344,6 +351,45 @@ class LinkClearance:
         The others, such as `leasts`, are small, and stay.
         """
         return {k: v for k, v in self.__dict__.items() if not k.startswith("_")}
+
+
+class _PlacedShape(NamedTuple):
+    """A shape of a link, and where it is at some configurations, one after another."""
+
+    shape: Shape
+    frame: Any  #: coal's Transform3s, which is set to the place that is asked for.
+    rotations: FloatArray  #: Shape (B, 3, 3).
+    origins: FloatArray  #: Shape (B, 3), metres.
+
+
+def _placed_shapes(link: Link, rotation: FloatArray, origin: FloatArray) -> list[_PlacedShape]:
+    """Return the shapes of a link whose body has these frames, (3, 3, B) and (3, B)."""
+    turned, coal, placed = rotation.transpose(2, 0, 1), library("coal"), []
+    for shape in link.shapes:
+        pose = link.pose @ shape.pose
+        rotations, origins = turned @ pose[:3, :3], turned @ pose[:3, 3] + origin.T
+        placed.append(_PlacedShape(shape, coal.Transform3s(), rotations, origins))
+    return placed
+
+
+def _nearest(
+    first: list[_PlacedShape],
+    second: list[_PlacedShape],
+    place: int,
+    enough: float,
+    found: Any,
+) -> float:
+    """Return the least distance of two links' shapes at one place of their configurations.
+
+    It need not be exact from `enough` on. `found` is a DistanceResult of coal.
+    """
+    for _, frame, rotations, origins in (*first, *second):
+        frame.setTransform(rotations[place], origins[place])
+    least = np.inf
+    for one, other in product(first, second):
+        gap = gap_of(one[:2], other[:2], min(least, enough), found)
+        least = min(least, gap)
+    return least
 
 
 def _nearest_points(

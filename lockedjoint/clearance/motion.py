@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lockedjoint.clearance.known_gaps import KnownGaps
 from lockedjoint.clearance.link_clearance import Closest, Link, LinkClearance
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.kinematics.geometry import BoolArray
@@ -60,7 +61,7 @@ class ClearMotion:
     """
 
     def __init__(self, clearance: LinkClearance, chain: Chain, kept: bool = False) -> None:
-        self.clearance = clearance
+        self.clearance, self._known = clearance, KnownGaps(clearance)
         least = clearance.leasts if kept else np.zeros(len(clearance.pairs))
         # What each pair keeps, metres, (P, 1); the farthest position of each joint from 0,
         # (n,); and the rates, (P, n).
@@ -76,12 +77,10 @@ class ClearMotion:
         # A joint without limits that does not move gives ∞·0.
         nearer[np.isnan(nearer)] = 0.0
         # By how much pairs are farther apart than they have to be, at both ends.
-        gaps = [self.clearance.distances(side) - self._least for side in (starts, ends)]
+        both = np.hstack([starts, ends])
+        gaps = np.hsplit(self._known.capsules(both) - self._least, 2)
         unsure = gaps[0] + gaps[1] <= nearer
-        gaps = [
-            self._beyond(side, unsure, known)
-            for side, known in zip((starts, ends), gaps, strict=True)
-        ]
+        gaps = np.hsplit(self._known.exact(both, np.tile(unsure, 2)) - self._least, 2)
         clear = np.asarray(np.all(np.minimum(*gaps) > 0, axis=0, where=unsure))
         ways = np.arange(starts.shape[1])  # the way that each part is of
         for halves in range(_HALVES):

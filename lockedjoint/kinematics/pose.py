@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.io.objects import Brief, takes
 from lockedjoint.kinematics.chain import LARGEST, Chain
@@ -93,6 +92,8 @@ class Pose(Brief):
     @property
     def rotation(self) -> FloatArray:
         """Shape (3, 3); the identity if the orientation is free."""
+        from scipy.spatial.transform import Rotation  # takes long to load
+
         return np.asarray(Rotation.from_quat(self.quaternion or (0, 0, 0, 1)).as_matrix())
 
     @property

@@ -24,7 +24,6 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lockedjoint.formulations.io.files import read_bytes, real_in
 from lockedjoint.kinematics.chain import LARGEST
@@ -114,6 +113,8 @@ def pose_of(element: Element, where: str) -> FloatArray:
         if not np.linalg.norm(quaternion) > _SHORTEST_QUATERNION:
             allowed = "a quaternion that is not 0"
             raise InputError(f"{_QUATERNION} of {place}", "0 0 0 0", allowed)
+        from scipy.spatial.transform import Rotation  # takes long to load
+
         return homogeneous(Rotation.from_quat(quaternion).as_matrix(), shift) + 0.0
     roll, pitch, yaw = numbers(origin, "rpy", "0 0 0", place, LARGEST)
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])

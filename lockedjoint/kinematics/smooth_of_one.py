@@ -1,21 +1,23 @@
-"""The smooth worst case of one configuration, for control loops: all but `eigh` is CasADi.
+"""The smooth worst case of one configuration, for control loops: CasADi and LAPACK.
 
 J is the Jacobian of the task's rows in units of ℓ, (m, n), see `scaled_chain`; j_f is column f
 of it; w > 0 is the width, without a unit: s tends to the worst case σ as w tends to 0. With the
-eigenvalues λ_fi and eigenvectors u_fi, i = 1 … m, of M_f = JJᵀ − j_f j_fᵀ, what the failure of
-joint f leaves, σ_fi = √λ_fi and
+eigenvectors u_fi, i = 1 … m, of M_f = JJᵀ − j_f j_fᵀ, what the failure of joint f leaves, the
+singular values σ_fi = |J_Fᵀ u_fi| and
 
     s = −w log Σ_fi exp(−σ_fi/w),      ∂s/∂J = Σ_fi p_fi/σ_fi u_fi u_fiᵀ J_F,
 
 where p_fi = exp((s − σ_fi)/w) are shares, which add up to 1, and J_F is J with 0 for column f.
-With all u_fiᵀ as rows of V, (mn, m), and 0 in column f of the rows of VJ that belong to f,
+With all u_fi as columns of U, (m, mn), and J_Fᵀ u_fi as rows of R, (mn, n), which is UᵀJ with 0
+in column f of the rows that belong to f,
 
-    ∂s/∂J = (diag(p/σ) V)ᵀ (VJ with these zeros).
+    ∂s/∂J = U diag(p/σ) R.
 
 From there to ∂s/∂q it is vector products of the motions' columns, as in `slope_of_columns`.
 
-One function leads from q to J and all M_f, NumPy decomposes these, and a second function leads
-from there to s and ∂s/∂q. NumPy's small calls that these take the place of cost twice as much.
+One function leads from q to J and all M_f, LAPACK decomposes these in place, and a second
+function leads from there to s and ∂s/∂q. Small calls of NumPy in their place, and its `eigh`
+with its checks and copies, would take twice as long.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from typing import TypeAlias
 import casadi as ca
 import numpy as np
 
-from lockedjoint.formulations.measures.worst_failure import FAR_FROM_SINGULAR
+from lockedjoint.formulations.measures.worst_failure import FAR_FROM_SINGULAR, dsyev
 from lockedjoint.kinematics.scaled_chain import ScaledChain
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Buffered
@@ -40,16 +42,14 @@ _TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True, eq=False)
 class SmoothParts:
-    """The two functions of CasADi around the decomposition.
+    """The two functions of CasADi around the decomposition."""
 
-    Eigenvalues are in the order of NumPy's arrays of shape (n, m).
-    """
-
-    #: From q to all M_f as NumPy has them, lower triangles, J, and the columns (v; ω) of the k
-    #: motions in metres and radians, (6, k).
+    #: From q to the upper triangles of all M_f, each (m, m) by columns, J, and the columns
+    #: (v; ω) of the k motions in metres and radians, (6, k).
     before: ca.Function
-    #: From J, the motions' columns, eigenvalues, V and w to (s, how far from singular), and
-    #: ∂s/∂q. If the second is not above 0, JJᵀ has lost the digits of s.
+    #: From J, the motions' columns, U and w to (s, how far from singular), and ∂s/∂q. U has
+    #: the eigenvectors of M_1, those of the least eigenvalue first, then those of M_2, and so
+    #: on. If the second is not above 0, JJᵀ has lost the digits of s.
     after: ca.Function
 
 
@@ -59,21 +59,19 @@ def smooth_parts(arm: ScaledChain) -> SmoothParts:
     columns = ca.densify(arm.motion_columns(q))
     matrix = ca.densify(arm.matrix_of(columns))
     outer = matrix @ matrix.T
-    # CasADi's upper triangle, column by column, is NumPy's lower one, row by row.
-    # The list has M_f for each f, of which `eigh` reads the lower half alone.
+    # The list has M_f for each f; the decomposition reads its upper half alone.
     left = [outer - matrix[:, f] @ matrix[:, f].T for f in range(n)]
     halves = ca.vertcat(*(ca.vec(ca.densify(ca.triu(one))) for one in left))
     before = ca.Function("smooth_before", [q], [halves, matrix, columns])
     # Products of matrices are MX: as SX they are thousands of instructions.
     jacobian, moving = ca.MX.sym("J", m, n), ca.MX.sym("C", *columns.shape)
-    values, vectors = ca.MX.sym("lambda", m * n), ca.MX.sym("V", m * n, m)
-    width = ca.MX.sym("w")
-    ratios, found = _shares(m, n)(values, width)
+    vectors, width = ca.MX.sym("U", m, m * n), ca.MX.sym("w")
     # The matrix (mn, n) has 0 in column f of the m rows that belong to f, else 1.
     others = 1.0 - np.kron(np.eye(n), np.ones((m, 1)))
-    scaled = ca.horzcat(*[ratios] * m) * vectors
-    gradient = scaled.T @ ((vectors @ jacobian) * ca.DM(others))
-    given = [jacobian, moving, values, vectors, width]
+    rows = (vectors.T @ jacobian) * ca.DM(others)
+    ratios, found = _shares(m, n)(ca.sum2(rows * rows), width)
+    gradient = vectors @ (ca.horzcat(*[ratios] * n) * rows)
+    given = [jacobian, moving, vectors, width]
     after = ca.Function("smooth_after", given, [found, _slope(arm)(moving, gradient)])
     return SmoothParts(before, after)
 
@@ -102,11 +100,11 @@ def _slope(arm: ScaledChain) -> ca.Function:
 
 
 def _shares(m: int, n: int) -> ca.Function:
-    """Return the function from eigenvalues and w to p/σ and (s, how far from singular).
+    """Return the function from all σ² and w to p/σ and (s, how far from singular).
 
-    Eigenvalues λ_fi and p/σ are (mn, 1), f by f, ascending for each f, as `eigh` returns them.
+    σ_fi² and p/σ are (mn, 1), f by f, the least first for each f.
     """
-    values, width = ca.SX.sym("lambda", m * n), ca.SX.sym("w")
+    values, width = ca.SX.sym("squares", m * n), ca.SX.sym("w")
     sigmas = ca.sqrt(ca.fmax(values, _TINY))
     smallest, largest = values[0], values[m - 1]
     for f in range(1, n):
@@ -129,17 +127,17 @@ class SmoothOfOne:
         (m, n), parts = arm.shape, smooth_parts(arm)
         # The functions read and write these arrays in place: none may be replaced by another.
         self._q, self._width, self._found = np.zeros(n), np.zeros(1), np.zeros(2)
-        self._left, self._values = np.zeros((n, m, m)), np.zeros((n, m))
-        vectors, self._slope = np.zeros((m, n, m)), np.zeros(n)
-        # V as CasADi has it, by columns, in the order in which NumPy has eigenvectors.
-        self._vectors = vectors.transpose(1, 0, 2)
+        left, self._slope = np.zeros((n, m, m)), np.zeros(n)
         jacobian, columns = np.zeros(m * n), np.zeros(6 * len(arm.chain.motions))
-        found = (flat(self._left), jacobian, columns)
+        found = (flat(left), jacobian, columns)
         self._before = Buffered(parts.before, {0: self._q}, dict(enumerate(found)))
-        given = (jacobian, columns, flat(self._values), flat(vectors), self._width)
-        self._after = Buffered(
-            parts.after, dict(enumerate(given)), {0: self._found, 1: self._slope}
-        )
+        given = (jacobian, columns, flat(left), self._width)
+        after = {0: self._found, 1: self._slope}
+        self._after = Buffered(parts.after, dict(enumerate(given)), after)
+        # The list has each M_f by columns, as LAPACK wants it, and so it is changed in place:
+        # its eigenvectors are written over it, and `left` becomes U.
+        self._left = [matrix.T for matrix in left]
+        self._decomposed = dsyev()
         self._lock = threading.Lock()  # the arrays are one thread's at a time
 
     def __call__(self, point: FloatArray, width: float) -> SmoothValue | None:
@@ -147,13 +145,16 @@ class SmoothOfOne:
 
         None near singularity, or where a number is not finite: JJᵀ does not tell.
         """
+        decomposed = self._decomposed
         with self._lock:
-            self._q[:], self._width[0] = point, width
+            self._q[:] = point
+            self._width[0] = width
             self._before.run()
-            try:
-                self._values[:], self._vectors[:] = np.linalg.eigh(self._left)
-            except np.linalg.LinAlgError:
-                return None
+            for matrix in self._left:
+                # Its arguments are: with vectors, of the upper half, in place.
+                failed = decomposed(matrix, 1, 0, None, 1)[2]
+                if failed:
+                    return None
             self._after.run()
             value, far = self._found.tolist()
             return (np.asarray(value), self._slope.copy()) if far > 0 else None

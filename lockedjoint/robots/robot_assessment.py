@@ -175,9 +175,13 @@ def measure_robot(
     values = measures.singular_values(matrix)
     worst = every[0]
     tied = worst.sigma + _TIE_SHARE * float(values[0])
-    bound = measures.sigma_bound(*arm.shape, measures.trace(matrix))
-    best = _reachable_sigma(arm, matrix)
-    scale = LengthScale(arm, metric, failures) if arm.depends_on_length else None
+    size = measures.trace(matrix)
+    bound, best = measures.sigma_bound(*arm.shape, size), _reachable_sigma(arm, size)
+    by_length: tuple[AtLength, ...] = ()
+    best_length = None
+    if arm.depends_on_length:
+        scale = LengthScale(arm, metric, failures)
+        by_length, best_length = scale.around(length * _SHOWN_MULTIPLES)
     return RobotAssessment(
         robot=chain.robot,
         base=chain.base,
@@ -202,8 +206,8 @@ def measure_robot(
         singular_values=values.tolist(),
         by_failure=every,
         structural=structural_failures(arm),
-        by_length=scale.at(length * _SHOWN_MULTIPLES) if scale else (),
-        best_length=scale.best(length) if scale else None,
+        by_length=by_length,
+        best_length=best_length,
         jacobian=matrix.tolist(),
     )
 
@@ -244,8 +248,8 @@ def best_7r() -> float:
     return best_known(max_min.NAME, "lever-revolute", 7) or float("nan")
 
 
-def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
-    """Return the best that could be reached with this number of joints and this ‖J‖_F.
+def _reachable_sigma(arm: RobotArm, size: float) -> float:
+    """Return the best that could be reached with this number of joints and ‖J‖_F², the size.
 
     For 7R in six dimensions that is `best_7r`·√(‖J‖_F²/14). At the default characteristic
     length ‖J‖_F² is 14, and the arm is one of those that `best_7r` is the best of. At any
@@ -256,7 +260,6 @@ def _reachable_sigma(arm: RobotArm, jacobian: FloatArray) -> float:
     and revolute joints in six dimensions from eight on, do reach the bound; where prismatic
     joints or unusual directions are involved, it may be out of reach.
     """
-    size = measures.trace(jacobian)
     followed = len(arm.chain.motions) > len(arm.chain.joints)  # some joint mimics another
     if arm.shape != (6, 7) or any(arm.chain.prismatic) or followed:
         return measures.sigma_bound(*arm.shape, size)
@@ -271,18 +274,22 @@ def _by_failure(
     `matrix` is J, shape (m, n), and `failures` the number k of joints that lock at once.
     """
     sets = measures.locked_sets(matrix, failures)
-    left = matrix[:, joints_left(sets, arm.size)].transpose(1, 0, 2)  # (failures, m, n − k)
-    sigmas = measures.locked_singular_values(matrix, failures)
-    weakest = np.linalg.svd(left)[0][:, :, -1]  # the last left singular vectors, (failures, m)
+    left = matrix[:, joints_left(sets, arm.size)[0]].transpose(1, 0, 2)  # (failures, m, n − k)
+    lost = left.shape[2] < left.shape[1]  # too few joints are left for full rank
+    sigmas = np.zeros(len(sets)) if lost else np.linalg.svd(left, compute_uv=False)[:, -1]
+    # The last left singular vectors, (failures, m).
+    weakest = np.linalg.svd(left, full_matrices=lost)[0][:, :, -1]
     # The largest component is made positive, as in `measures.weakest_direction`; + 0.0 makes
     # −0.0 to 0.0.
     largest = np.abs(weakest).argmax(axis=1)[:, None]
     weakest = weakest * np.sign(np.take_along_axis(weakest, largest, axis=1)) + 0.0
+    names, directions = arm.chain.names, arm.task.directions
+    left_by, components = sigmas.tolist(), weakest.tolist()
     return tuple(
         AssessedFailure(
-            joints=tuple(arm.chain.names[joint] for joint in sets[k]),
-            sigma=float(sigmas[k]),
-            direction=dict(zip(arm.task.directions, weakest[k].tolist(), strict=True)),
+            joints=tuple(names[joint] for joint in sets[k]),
+            sigma=left_by[k],
+            direction=dict(zip(directions, components[k], strict=True)),
         )
         for k in np.argsort(sigmas, kind="stable")
     )

@@ -7,7 +7,8 @@ Short calls (`_calls`, microseconds to milliseconds) are made many times in each
 rounds, all in turns with J. Long ones (`_long`, seconds) are made a few times, with J before
 and after each. A target is a processor time in milliseconds on a machine on which J takes
 `QUIET_J_US`; a time is compared with it after it has been divided by what J took meanwhile.
-Targets are decisions, not measurements: a change of one changes only its verdict.
+Targets are decisions, not measurements: a change of one changes only its verdict. Other tools
+on like tasks come last, see `peers`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -40,6 +41,7 @@ from lockedjoint.robots.robot_assessment import measure_robot
 from lockedjoint.robots.search import Search
 from results.robots.survey import ARMS, SurveyArm
 from results.script import main, study_of
+from results.speed.peers import peers
 
 #: J takes so long on the quiet machine on which the targets were set, in microseconds.
 QUIET_J_US = 0.77
@@ -137,6 +139,7 @@ def compute(effort: Effort, folder: Path) -> Iterator[SpeedRow]:  # noqa: ARG001
     for what, function, target in _long(robot, effort.seed):
         effort.progress(what)
         yield _measured(what, function, target, jacobian)
+    yield from _peers(robot, jacobian, effort)
 
 
 def _panda() -> Path:
@@ -260,15 +263,36 @@ def _long(
     way = _way(robot.arm)
     free = _timed(lambda k: _path(robot, way, seed + k))
     yield f"path of {_SAMPLES} samples", free, _PATH_TARGET_MS
-    with tempfile.TemporaryDirectory() as folder:
-        cell = Path(folder, "cell.urdf")
-        cell.write_text(_CELL, encoding="utf-8")
-        apart = robot.changed(clearance=_CLEARANCE_M, obstacles=cell)
-        kept = _timed(lambda k: _path(apart, way, seed + k))
-        yield f"path of {_SAMPLES} samples with obstacles", kept, _OBSTACLES_TARGET_MS
+    apart = _in_cell(robot)
+    kept = _timed(lambda k: _path(apart, way, seed + k))
+    yield f"path of {_SAMPLES} samples with obstacles", kept, _OBSTACLES_TARGET_MS
     tool = Robot(_panda(), tip="panda_hand_tcp")
     yield "workspace at 2 cm", _timed(lambda _: _workspace(tool)), _WORKSPACE_TARGET_MS
     yield "measure, as a process", lambda _: _process(), _PROCESS_TARGET_MS
+
+
+def _in_cell(robot: Robot) -> Robot:
+    """Return a robot that keeps clear of the table and the post."""
+    with tempfile.TemporaryDirectory() as folder:
+        cell = Path(folder, "cell.urdf")
+        cell.write_text(_CELL, encoding="utf-8")
+        return robot.changed(clearance=_CLEARANCE_M, obstacles=cell)
+
+
+def _peers(robot: Robot, jacobian: Callable[[int], Any], effort: Effort) -> Iterator[SpeedRow]:
+    """Measure other tools beside ours; a row without numbers says which is not installed."""
+    points = robot.arm.samples(np.random.default_rng(effort.seed), _TASK_CONFIGURATIONS)
+    points = _far_from_singular(robot.arm, points)
+    for peer in peers(robot, _in_cell(robot), _panda(), points):
+        effort.progress(peer.what)
+        try:
+            function = peer.measured()
+        except ImportError:
+            nan, found = float("nan"), f"{peer.package} is not installed"
+            yield SpeedRow(peer.what, nan, nan, nan, nan, nan, "", found)
+            continue
+        row = _measured(peer.what, function, float("nan"), jacobian)
+        yield replace(row, found="; ".join(filter(None, (peer.task, row.found))))
 
 
 def _timed(function: Callable[[int], str]) -> Callable[[int], tuple[float, str]]:

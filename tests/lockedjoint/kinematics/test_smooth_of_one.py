@@ -8,6 +8,7 @@ import pytest
 
 import lockedjoint as lj
 from lockedjoint.kinematics.smooth_of_one import smooth_of_one
+from lockedjoint.kinematics.worst_cases import smooth_from_jacobian
 
 MIMIC = '<mimic joint="j0" multiplier="-0.5" offset="0.2"/>'
 OFFSETS = ["0.1 0.05 0.3", "0 0.2 0.1", "0.1 0 0.3", "0 0.1 0.2", "0.3 0 0", "0 0.1 0", "0 0 1"]
@@ -52,6 +53,17 @@ def test_near_singularity_it_is_computed_from_the_jacobian(made):
     many, slopes = arm.smooth_worst_case(straight[None], 1e-6)
     assert value == pytest.approx(many[0], abs=1e-15)
     assert slope == pytest.approx(slopes[0], abs=1e-9)
+
+
+def test_near_the_switch_it_has_all_digits(made):
+    """Here the eigenvalues of JJᵀ alone would be off by 1e-13, and nearer to it by 1e-12."""
+    arm = made.planar([1.0, 1.0, 1.0, 1.0])
+    errors = []
+    for bend in np.geomspace(2e-3, 1e-2, 30):
+        point = np.array([0.3, bend, -bend, bend])
+        value, _ = smooth_of_one(arm)(point, 1e-6)
+        errors.append(abs(value - smooth_from_jacobian(arm, point, 1e-6)[0]))
+    assert max(errors) < 1e-15
 
 
 def test_what_is_no_configuration_is_refused(made):

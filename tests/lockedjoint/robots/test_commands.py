@@ -45,6 +45,16 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
     assert f"and {15 - 12} failures" in done.stdout
 
 
+def test_a_measure_loads_no_scipy(lockedjoint, robot):
+    """It would take half of the time of the command."""
+    lockedjoint.python(
+        "import sys, lockedjoint as lj\n"
+        f"print(lj.measure({str(robot)!r}))\n"
+        "loaded = [name for name in sys.modules if name.startswith('scipy')]\n"
+        "assert not loaded, loaded\n"
+    )
+
+
 def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
     """On standard error, and in the result; the posture that is found has the same columns."""
     limits = {"j1": {"limit": 'lower="-170" upper="170"'}}
