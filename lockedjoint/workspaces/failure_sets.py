@@ -21,6 +21,7 @@ from lockedjoint.kinematics.geometry import IntArray
 from lockedjoint.kinematics.serial_chain import Bits, Ranges, at_zero, opened, physical_ranges
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
+from lockedjoint.workspaces.link_shortfall import links_suffice
 
 #: Positions at which a joint may lock are this far apart by default. Less is more exact, and
 #: takes more time and memory.
@@ -106,16 +107,19 @@ class FailureSets(ABC):
         """
         rng = np.random.default_rng(self.seed)
         reached = np.zeros(len(points), dtype=bool)
+        near_enough = links_suffice(self.arm, points, lower, upper)
         for _ in range(_MOST_STARTS):
             rest = np.flatnonzero(~reached)
-            if not len(rest):
+            if not near_enough[rest].any():
                 break
+            # Starts are drawn for all points, so that they do not depend on which are tried.
             start = rng.uniform(lower[rest], upper[rest])
-            ends = opened(self.arm, lower[rest], upper[rest])
-            q, there = self._solved(points[rest], start, *ends)
+            start, tried = start[near_enough[rest]], rest[near_enough[rest]]
+            ends = opened(self.arm, lower[tried], upper[tried])
+            q, there = self._solved(points[tried], start, *ends)
             if self.clearance is not None:
                 there[there] = self.clearance.is_kept(q[there].T)
-            reached[rest] = there
+            reached[tried] = there
         return reached
 
     def after(self, limits: Ranges) -> Bits:

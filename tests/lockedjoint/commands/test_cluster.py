@@ -42,6 +42,13 @@ pytestmark = [
 
 _CLUSTER = {"distributed.scheduler.allowed-failures": 0}
 _CLUSTER["distributed.deploy.lost-worker-timeout"] = "1h"
+# Workers are forked from a process that has imported what they need: a new one begins at once.
+_CLUSTER["distributed.worker.multiprocessing-method"] = "forkserver"
+_IMPORTED = [
+    "distributed",
+    "lockedjoint.nlp.multistart",
+    "lockedjoint.formulations.atlas.improve",
+]
 
 
 def parabola():
@@ -73,13 +80,12 @@ def cluster():
     one while its nanny still starts it, and no nanny starts it again then. And this cluster, of
     all of Dask's, dismisses the nanny of a worker that is not back 15 s after it ended.
     """
-    with (
-        dask.config.set(_CLUSTER),
-        distributed.LocalCluster(
+    with dask.config.set(_CLUSTER):
+        distributed.utils.get_mp_context().set_forkserver_preload(_IMPORTED)
+        with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        ) as started,
-    ):
-        yield started
+        ) as started:
+            yield started
 
 
 def chunks(judge, starts):

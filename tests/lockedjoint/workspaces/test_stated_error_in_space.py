@@ -19,7 +19,7 @@ from tests import made_robots as made
 FIRST, SECOND = 0.55, 0.45
 PHYSICAL = np.array([(-2.9, 2.9), (-1.9, 1.9), (-2.6, 2.6), (-1.45, 1.45)])
 # Voxels in metres, and slices in degrees.
-RESOLUTIONS = {"up": [(0.05, 10)], "stretched": [(0.04, 7)], "bent": [(0.06, 10), (0.04, 8)]}
+RESOLUTIONS = {"up": [(0.05, 10)], "stretched": [(0.05, 10)], "bent": [(0.06, 10), (0.04, 8)]}
 # The middle of the artificial limits of each joint, and half of their width.
 DRAWN = {
     "up": ((0.1, 0.2, -1.0, -0.8), (0.09, 0.29, 0.22, 0.29)),
