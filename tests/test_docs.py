@@ -3,6 +3,7 @@
 import re
 import runpy
 import shlex
+from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +12,9 @@ import pytest
 
 import lockedjoint as lj
 from lockedjoint.commands.app import app
+from lockedjoint.formulations import max_min
+from lockedjoint.formulations.comparison import ComparisonRow
+from lockedjoint.formulations.encodings.factors import ENCODINGS
 
 ROOT = Path(__file__).parents[1]
 DOCS, MADE = ROOT / "docs", ("_build", "results")
@@ -109,6 +113,20 @@ def test_examples_import_the_public_names_alone(page):
     """What a reader copies goes on working when a module moves."""
     for cell in [*cells(page), *PYTHON.findall(page.read_text("utf-8"))]:
         assert not INSIDE.search(cell), cell
+
+
+def test_a_page_says_what_every_column_of_compare_means():
+    page = (DOCS / "campaigns.md").read_text("utf-8").partition("## Columns of compare\n")[2]
+    rows = re.findall(r"^\| (`.*?`) \| \S", page, re.MULTILINE)
+    named = [column for row in rows for column in re.findall(r"`(\w+)`", row)]
+    expected = [field.name for field in fields(ComparisonRow)]
+    assert named[: len(expected)] == expected
+
+
+@pytest.mark.parametrize("page", ["formulations.md", "glossary.md"])
+def test_a_page_names_every_encoding(page):
+    text = (DOCS / page).read_text("utf-8")
+    assert all(f"`{one}`" in text for one in (*max_min.WITHOUT_FACTORS, *ENCODINGS))
 
 
 @pytest.fixture(scope="module")

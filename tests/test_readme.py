@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import lockedjoint as lj
 from lockedjoint.formulations.bounds.certified import best_known
 from lockedjoint.formulations.joints.models import arm
 from lockedjoint.formulations.registry import bound
@@ -112,8 +113,11 @@ def test_the_number_of_reproduced_rows():
 
 def test_the_example_runs_and_prints_what_it_says(lockedjoint, tmp_path):
     printed = lockedjoint.python(block("example", "python"), cwd=tmp_path)
-    shown = re.findall(r"# (\d[^\n]*?)(?:…)?\n", block("example", "python"))
+    # Of a comment, what stands before "…" is printed.
+    shown = re.findall(r"# (\d[^\n…]*)", block("example", "python"))
     assert len(shown) == 3
+    relaxed = lj.relaxed(lj.arm("unit-revolute:5,prismatic:2")).value
+    assert f"0.4829…, sharper than the relaxation ({relaxed:.4f}…)" in README
     assert all(text in printed for text in (*shown, "('wrist_flex',)"))
     assert "<robot" in (tmp_path / "arm.urdf").read_text()
 
