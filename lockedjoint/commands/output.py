@@ -153,7 +153,7 @@ def chosen_columns(
     table = _written(cells, heads, fitting)
     if not left:
         return table
-    more = textwrap.fill(f"More with --columns: {', '.join(left)}.", WIDTH)
+    more = textwrap.fill(f"Left out; --columns chooses: {', '.join(left)}.", WIDTH)
     return f"{table}\n\n{more}"
 
 
