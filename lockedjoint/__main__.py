@@ -95,6 +95,7 @@ def _invoke() -> int:
     import click  # imported here, where an interrupt is answered
 
     from lockedjoint.commands.app import app
+    from lockedjoint.commands.hints import sentence_of
     from lockedjoint.nlp.errors import LockedJointError
 
     if "_LOCKEDJOINT_COMPLETE" in os.environ:  # a shell asks what could follow
@@ -108,7 +109,7 @@ def _invoke() -> int:
     except LockedJointError as error:
         return _fail(str(error), error.exit_status)
     except click.ClickException as error:
-        return _fail(error.format_message(), _USAGE_ERROR)
+        return _fail(sentence_of(error), _USAGE_ERROR)
     return 0
 
 

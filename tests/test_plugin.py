@@ -68,3 +68,22 @@ def test_a_criterion_of_realise(lockedjoint, tmp_path):
         "levers; allowed: one of clearance, total-length, kept"
         in lockedjoint.here(*words, cwd=tmp_path).stderr
     )
+
+
+def test_a_file_that_registers_nothing(lockedjoint, plugin, tmp_path):
+    (tmp_path / "two.py").write_text("class Volume:\n    NAME = 'volume'\n")
+    done = lockedjoint("--plugin", "two.py", "compare", "--help", cwd=tmp_path)
+    said = "two.py registered nothing; it ends with lj.register(YourClass)."
+    assert (done.returncode, said in done.stderr) == (0, True)
+    assert (
+        "registered nothing"
+        not in lockedjoint(*plugin, "compare", "--help", cwd=tmp_path).stderr
+    )
+
+
+def test_a_plugin_after_the_command(lockedjoint, tmp_path):
+    done = lockedjoint.here("compare", "--plugin", "own.py", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--plugin goes before the command: lockedjoint --plugin FILE.py compare" in (
+        done.stderr
+    )

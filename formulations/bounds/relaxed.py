@@ -38,7 +38,7 @@ class TooLargeError(InputError):
     """An arm whose relaxation would take minutes."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Relaxed:
     """A bound from the relaxation, and how it came about.
 
@@ -61,6 +61,11 @@ class Relaxed:
     def value(self) -> float:
         """The proved bound on the score."""
         return self.proof.bound
+
+    def __repr__(self) -> str:
+        """Say the bound, with all its digits as a rounded one may not hold, and the solver."""
+        solver = f"{self.solution.solver} {self.solution.status}"
+        return f"<Relaxed: {self.value!r}, {KIND}, {solver}>"
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values: the bound, and what the solver said."""

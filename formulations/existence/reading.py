@@ -21,7 +21,7 @@ from lockedjoint.formulations.existence.certificate import (
 )
 from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
 from lockedjoint.formulations.io.files import load_json, read_bytes
-from lockedjoint.nlp.errors import FileError
+from lockedjoint.nlp.errors import FileError, printable
 
 #: Largest size of a file in bytes. The certificate of 7R has 58 kB.
 FILE_BYTES = 2_000_000
@@ -61,11 +61,22 @@ def read_certificate(path: Path | str) -> Certificate | ExactJacobian:
     'Certificate'
     """
     value = loaded(path)
+    if _holds_jacobian(value):
+        raise CertificateError(
+            f"{printable(str(path))} is no certificate; it holds a Jacobian, "
+            f"which `lockedjoint measure {printable(str(path))}` measures."
+        )
     existence = isinstance(value, dict) and "columns" in value
     found: Certificate | ExactJacobian = Part(value).read(
         ExactJacobian if existence else Certificate
     )
     return found
+
+
+def _holds_jacobian(value: Any) -> bool:
+    """Whether a JSON text is a Jacobian with its measures, or a list of these."""
+    first = value[0] if isinstance(value, list) and value else value
+    return isinstance(first, dict) and "jacobian" in first
 
 
 def loaded(path: Path | str, most: int = FILE_BYTES) -> Any:

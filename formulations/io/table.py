@@ -102,22 +102,22 @@ class Table(Generic[Line]):
         frame = pd.DataFrame(self._stored(), columns=names)
         return frame.astype({name: "Int64" for name in names if types[name] == _WHOLE_OR_NONE})
 
-    def csv(self) -> str:
-        """Return all columns, numbers with every digit, NaN as an empty cell."""
-        return escaping.rows_csv(self._stored(), [field.name for field in fields(self.kind)])
+    def csv(self, columns: Sequence[str] | None = None) -> str:
+        """Return columns, by default all; numbers with every digit, NaN as an empty cell."""
+        return escaping.rows_csv(self._stored(), self._named(columns, ["all"]))
 
     def plain(self) -> list[dict[str, Any]]:
         """Return the rows as plain values for JSON, None in place of NaN."""
         names = [column.name for column in fields(self.kind)]
         return [{name: _plain(getattr(row, name)) for name in names} for row in self.rows]
 
-    def markdown(self) -> str:
-        """Return the columns to read as a Markdown table."""
-        return self._written(escaping.markdown_cell)
+    def markdown(self, columns: Sequence[str] | None = None) -> str:
+        """Return columns, by default those to read, as a Markdown table."""
+        return self._written(columns, escaping.markdown_cell)
 
-    def latex(self) -> str:
-        """Return the columns to read as a LaTeX table, for the package booktabs."""
-        return escaping.latex(self._written(style="latex_booktabs"))
+    def latex(self, columns: Sequence[str] | None = None) -> str:
+        """Return columns, by default those to read, as LaTeX for the package booktabs."""
+        return escaping.latex(self._written(columns, style="latex_booktabs"))
 
     def columns(self, every: bool = False) -> dict[str, str]:
         """Return the headings of the columns to read on a terminal, or of every column."""
@@ -145,11 +145,50 @@ class Table(Generic[Line]):
         names = [field.name for field in fields(self.kind)]
         return [{name: _stored(getattr(row, name)) for name in names} for row in self.rows]
 
-    def _written(self, escape: Callable[[str], str] = str, style: str = "pipe") -> str:
-        columns = {name: c for name, c in self._columns.items() if c.shown}
+    def _named(self, columns: Sequence[str] | None, default: Sequence[str]) -> list[str]:
+        """Return the names of the columns that are asked for, else of the default."""
+        wanted = default if columns is None else columns
+        return chosen_names("columns", wanted, self.columns(every=True))
+
+    def _written(
+        self,
+        wanted: Sequence[str] | None,
+        escape: Callable[[str], str] = str,
+        style: str = "pipe",
+    ) -> str:
+        every = self._columns
+        to_read = [name for name, column in every.items() if column.shown]
+        columns = {name: every[name] for name in self._named(wanted, to_read)}
         cells = [[escape(c.cell(row, k)) for k, c in columns.items()] for row in self.rows]
         heads = [c.heading or k.replace("_", " ") for k, c in columns.items()]
         return written(cells, heads, style)
+
+
+def chosen_names(
+    argument: str, wanted: Sequence[str], headings: Mapping[str, str]
+) -> list[str]:
+    """Return the names of columns that are asked for, by name or by heading.
+
+    Parameters
+    ----------
+    argument
+        Name of the argument or option that asks.
+    wanted
+        Names or headings; ``all`` stands for all columns.
+    headings
+        The heading of each column by its name.
+
+    Raises
+    ------
+    InputError
+        If there is no such column.
+    """
+    names = {heading: name for name, heading in headings.items()}
+    names |= {name: name for name in headings}
+    for one in wanted:
+        if one != "all" and one not in names:
+            raise InputError(argument, one, "all, or some of " + ", ".join(headings))
+    return list(headings) if "all" in wanted else [names[one] for one in wanted]
 
 
 def chosen_rows(table: Table[Line], conditions: Sequence[str]) -> list[Line]:

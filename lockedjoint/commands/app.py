@@ -114,7 +114,7 @@ class _Lockedjoint(click.Group):
     metavar="FILE.py",
     multiple=True,
     help="A Python file with formulations or joints of your own, which all commands then know "
-    "by name. May be repeated.",
+    "by name; it goes before the command. May be repeated.",
 )
 def app(plugin: tuple[str, ...]) -> None:
     """Design and certify optimally failure-tolerant manipulator Jacobians.
@@ -124,6 +124,6 @@ def app(plugin: tuple[str, ...]) -> None:
     done is kept).
     """
     for file in plugin:
-        from lockedjoint.formulations.registry import load_plugin
+        from lockedjoint.commands import plugins
 
-        load_plugin(Path(file))
+        plugins.load(Path(file))

@@ -235,7 +235,7 @@ def max_min(
     """Prove a bound on the worst case of seven unit revolute joints, globally.
 
     A certificate is written and verified from its file, as for the residual. It takes minutes
-    and 4 GB.
+    and 4 GB. For another arm: `lockedjoint bound worst-case --model …`.
 
     Parameters
     ----------

@@ -95,10 +95,11 @@ def _of_robot(
     out: Path | None,
 ) -> Answer:
     """Measure a robot, made from a source and the fields that the user gave, at q."""
-    from lockedjoint.commands.robot_text import robot_text
+    from lockedjoint.commands.robot_text import chosen_of_robot, robot_text
     from lockedjoint.robots.robot_assessment import measure_robot, measure_robot_unequal
 
     robot, point, notes = robot_at(source, fields, q)
+    columns = chosen_of_robot(columns, robot.arm.task.directions)
     model = failing.model(robot.chain.names)
     assessment = measure_robot(robot.arm, point, failing.failures, notes)
     # The unit is one that `--q FILE` reads.

@@ -18,7 +18,7 @@ import click
 
 from lockedjoint.commands.bars import progress
 from lockedjoint.formulations.io.files import write_text
-from lockedjoint.nlp.errors import InputError, printable
+from lockedjoint.nlp.errors import printable
 
 if TYPE_CHECKING:
     from lockedjoint.formulations.io.table import Table
@@ -137,10 +137,9 @@ def chosen_columns(
     all columns fit, the first is broken into lines of `_NARROW` characters.
     """
     if columns is not None:
-        for name in columns:
-            if name != "all" and name not in cells:
-                raise InputError("--columns", name, "all, or some of " + ", ".join(cells))
-        return _written(cells, heads, list(cells) if "all" in columns else list(columns))
+        from lockedjoint.formulations.io.table import chosen_names
+
+        return _written(cells, heads, chosen_names("--columns", columns, heads))
     if _width(whole := _written(cells, heads, list(cells))) <= WIDTH:
         return whole
     first = next(iter(cells))
@@ -154,7 +153,7 @@ def chosen_columns(
     table = _written(cells, heads, fitting)
     if not left:
         return table
-    more = textwrap.fill(f"More with --columns: {', '.join(left)}.", WIDTH)
+    more = textwrap.fill(f"Left out; --columns chooses: {', '.join(left)}.", WIDTH)
     return f"{table}\n\n{more}"
 
 

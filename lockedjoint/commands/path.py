@@ -92,12 +92,16 @@ def path(
         write_bytes,
         write_text,
     )
+    from lockedjoint.formulations.io.table import Table, chosen_names
     from lockedjoint.kinematics.chain import narrowed
+    from lockedjoint.paths.plan import JointRow
     from lockedjoint.paths.search import arm_along, plan_path, standing_at, with_approach
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.robot import with_settings
 
+    if columns is not None:  # a mistake is better known before the search
+        columns = chosen_names("--columns", columns, Table(JointRow, []).columns(every=True))
     tool_path = read_waypoints(waypoints)
     settings = {"progress": progress, **search, **(effort or {})}
     path_search = with_settings(PathSearch, None, settings)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from lockedjoint.commands.options import FieldsOf
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
-from lockedjoint.commands.robot_text import robot_text
+from lockedjoint.commands.robot_text import chosen_of_robot, robot_text
 from lockedjoint.commands.shared import Failures, WholeRobot, source_file
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots.search import Search
@@ -62,6 +62,7 @@ def posture(
     from lockedjoint.nlp.executors import default_workers
     from lockedjoint.robots.posture import posture as best_of
 
+    columns = chosen_of_robot(columns, robot.arm.task.directions)
     prepare_file(out, inputs=[source_file(robot)])
     pose = near(at, tolerance)
     failure_model = failing.model(robot.arm.chain.names)

@@ -14,11 +14,16 @@ from typing import Annotated, Any
 
 from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import ARGUMENT
-from lockedjoint.commands.output import Answer
+from lockedjoint.commands.output import Answer, as_text
 from lockedjoint.nlp.errors import InputError
 
 # Ending of the name of a file with the proof in Coq.
 _COQ = ".v"
+# What the certificate of nonexistence proves, in words: a line below its verdict.
+_MEANING = {
+    "that is": "for seven revolute joints no Jacobian J with JJᵀ = σ²I and columns of equal "
+    "length exists (docs/nonexistence.md)"
+}
 
 
 def prove(joints: Annotated[int, ARGUMENT] = 7, out: Path | None = None) -> Answer:
@@ -111,7 +116,8 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
         return _cubes(data)
     certificate = package_certificate() if data is None else read_any(data)
     if isinstance(certificate, Certificate):
-        return Answer(_nonexistence(certificate))
+        values = _nonexistence(certificate)
+        return Answer(values, as_text({"verdict": values["verdict"], **_MEANING, **values}))
     exact = isinstance(certificate, ExactJacobian)
     return Answer(_existence(certificate) if exact else _bound(certificate))
 

@@ -56,13 +56,14 @@ def compare(
     model
         May be repeated; by default unit-revolute and lever-revolute in six dimensions.
     to
-        The form of what is printed: the table alone, with all of its columns, as markdown,
-        latex or csv.
+        The form of what is printed: the table alone, as markdown, latex or csv. Without
+        --columns csv has all columns, and markdown and latex those that a terminal shows.
     out_dir
         It gets comparison.csv, comparison.json and jacobians.json.
     """
     from lockedjoint.commands.rows import RowsOfRun
     from lockedjoint.formulations.comparison import ComparisonRow, cases, compare_cases
+    from lockedjoint.formulations.io.table import Table, chosen_names
     from lockedjoint.formulations.registry import meaning_of_score
     from lockedjoint.formulations.solving.effort import Effort
     from lockedjoint.nlp.executors import default_workers
@@ -70,6 +71,9 @@ def compare(
     if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
     form = None if to is None else one_of("--to", to, _FORMS)
+    if columns is not None:  # a mistake is better known before the solves
+        headings = Table(ComparisonRow, []).columns(every=True)
+        columns = chosen_names("--columns", columns, headings)
     wanted = cases(joints, task_dimension, models=model or ())  # formulations on arms
     effort = Effort(seed, starts, workers or default_workers(), progress, bars=True)
     jacobians = []  # of all rows so far: each new row writes the whole file again

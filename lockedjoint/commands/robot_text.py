@@ -7,6 +7,7 @@ characteristic length ℓ: see `RobotAssessment`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from lockedjoint.commands.output import as_table, as_text
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 # Names under which values are printed: they say the units.
 _UNITS = {"q": "q (rad or m)", "characteristic_length": "characteristic length (m)"}
+# Columns of the table of failures, beside the directions of the task.
+_LOCKED = "locked"
+_LEFT = "sigma left"
 # Largest singular value that is shown as 0: rounding.
 _ROUNDING = 1e-12
 # Number of failures that are shown, the worst first; all of them are in the JSON.
@@ -34,7 +38,7 @@ def robot_text(
     """Return the text of an assessment: robot, posture, each failure, dependence on ℓ.
 
     It begins with the values `above`, by name; `source` says in words where the configuration
-    is from. `columns` are those of both tables that are shown, see `as_table`.
+    is from. `columns` are those of both tables that are shown, from `chosen_of_robot`.
     """
     structural: dict[str, str] = {}
     for joint in assessment.structural:
@@ -58,12 +62,34 @@ def robot_text(
     return "\n\n".join(part for part in parts if part)
 
 
+def chosen_of_robot(
+    columns: Sequence[str] | None, directions: Sequence[str]
+) -> list[str] | None:
+    """Return the columns of `robot_text` that are asked for, of a task's directions.
+
+    InputError if neither table has one of them.
+    """
+    from lockedjoint.formulations.io.table import chosen_names
+    from lockedjoint.robots.by_length import AtLength
+
+    if columns is None:
+        return None
+    names = [_LOCKED, _LEFT, *directions, *(_named(field.name) for field in fields(AtLength))]
+    headings = {name: name.replace("_", " ") for name in names}
+    return chosen_names("--columns", columns, headings)
+
+
+def _named(field: str) -> str:
+    """Return the name of the column of a field of `AtLength`."""
+    return "length (m)" if field == "length" else field
+
+
 def _failures(failures: Sequence[AssessedFailure], columns: Sequence[str] | None) -> str:
     """Return a table of the worst failures: joints, σ and the weakest direction."""
     lines = [
         {
-            "locked": failure.joints,
-            "sigma left": _sigma(failure.sigma),
+            _LOCKED: failure.joints,
+            _LEFT: _sigma(failure.sigma),
             **_direction(failure.direction),
         }
         for failure in failures[:_SHOWN]
@@ -81,7 +107,7 @@ def _lengths(assessment: RobotAssessment, columns: Sequence[str] | None) -> str:
     chosen = assessment.best_length
     best = "" if chosen is None else f", the best {chosen.length:.4g} m"
     lines = [
-        {"length (m)" if name == "length" else name: value for name, value in row.items()}
+        {_named(name): value for name, value in row.items()}
         for row in (vars(each) | _rounded(each) for each in assessment.by_length)
     ]
     return f"by length{best}\n{as_table(lines, columns=_of(lines, columns))}"
@@ -91,7 +117,7 @@ def _of(
     lines: Sequence[Mapping[str, object]], columns: Sequence[str] | None
 ) -> Sequence[str] | None:
     """Return those of the columns that one of two tables has; None if it has none of them."""
-    chosen = [name for name in columns or () if name == "all" or name in lines[0]]
+    chosen = [name for name in columns or () if name in lines[0]]
     return chosen or None
 
 

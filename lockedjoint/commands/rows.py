@@ -84,7 +84,8 @@ class RowsOfRun:
 
         ``--json`` prints the rows; `to` prints the whole table in a form (markdown, latex or
         csv); else the table for a terminal with the note below, if there is a note, and the
-        names of the files. `columns` are as in `as_table`.
+        names of the files. `columns` are as in `as_table`; by default a form has all columns in
+        CSV, and else those to read.
 
         Raises
         ------
@@ -97,7 +98,7 @@ class RowsOfRun:
             Answer({"complete": self.complete, "rows": table.plain()}).show(as_json)
         elif self.rows and to:
             forms = {"markdown": table.markdown, "latex": table.latex, "csv": table.csv}
-            say(forms[to](), nl=to != "csv")
+            say(forms[to](columns), nl=to != "csv")
         elif self.rows:
             if note is not None:
                 say(f"{fitted(table, columns)}\n\n{note}")

@@ -18,6 +18,8 @@ from lockedjoint.commands.shared import Failures
 if TYPE_CHECKING:
     from lockedjoint.formulations.solving.outcome import Outcome
 
+# Names under which values are printed: this gap is that of σ to eq. (6), as `compare` names it.
+_SHOWN_AS = {"gap_percent": "sigma_gap_percent"}
 # Part of the sentence that ends the command if no start was solved.
 _NO_ANSWER = "the Jacobian shown is no answer, and nothing is written"
 
@@ -111,7 +113,8 @@ def solve(
         **({} if unequal is None else {"maximise": maximise}),
         **jacobian_values(best.jacobian, failing),
     }
-    text = f"{as_text({**plain, 'verdict': outcome.summary})}\n\njacobian\n"
+    shown = {_SHOWN_AS.get(name, name): value for name, value in plain.items()}
+    text = f"{as_text({**shown, 'verdict': outcome.summary})}\n\njacobian\n"
     plain["jacobian"] = best.jacobian.tolist()
     text += rows_of(plain["jacobian"], 9)
     solved = outcome.verdict == "solved"

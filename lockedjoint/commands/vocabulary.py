@@ -397,7 +397,8 @@ WORDS: Mapping[str, Word] = {
     "columns": Word(
         "NAME,…",
         names,
-        says="Columns of the tables, or all; by default those that fit 80 columns.",
+        says="The columns that the tables show, and no others; or all. By default those that "
+        "fit 80 characters.",
     ),
     "to": Word(
         "FORM",

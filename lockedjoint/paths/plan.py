@@ -61,6 +61,18 @@ class Trajectory:
         }
 
 
+@dataclass(frozen=True)
+class JointRow:
+    """A joint's line of a plan: how often its failure is survived, and where the others end."""
+
+    joint: str
+    percent: float
+    minimum_norm_percent: float | None
+    best_of_samples_percent: float
+    unrecoverable_until_s: float | None
+    others_end_s: list[float] | None
+
+
 @dataclass(frozen=True, eq=False)
 class PathPlan:
     """What was found for a path.
@@ -138,18 +150,16 @@ class PathPlan:
         for f, name in enumerate(self.joints):
             survives, ends = self.planned.survives[:, f], self.planned.ends[:, f]
             lost, until = self.times[ends[~survives]], int(self.unrecoverable_until[f])
-            rows.append(
-                {
-                    "joint": name,
-                    "percent": 100 * float(np.mean(survives)),
-                    "minimum_norm_percent": base and 100 * float(np.mean(base.survives[:, f])),
-                    "best_of_samples_percent": float(self.joint_best_of_samples[f]),
-                    "unrecoverable_until_s": float(self.times[until]) if until >= 0 else None,
-                    "others_end_s": [float(lost.min()), float(lost.max())]
-                    if lost.size
-                    else None,
-                }
+            usual = None if base is None else base.survives[:, f]
+            row = JointRow(
+                joint=name,
+                percent=100 * float(np.mean(survives)),
+                minimum_norm_percent=None if usual is None else 100 * float(np.mean(usual)),
+                best_of_samples_percent=float(self.joint_best_of_samples[f]),
+                unrecoverable_until_s=float(self.times[until]) if until >= 0 else None,
+                others_end_s=[float(lost.min()), float(lost.max())] if lost.size else None,
             )
+            rows.append(asdict(row))
         return rows
 
     def to_dict(self) -> dict[str, Any]:

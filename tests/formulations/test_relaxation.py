@@ -469,3 +469,9 @@ def test_a_joint_that_does_not_lock_has_no_norm_to_multiply():
     wrong = ((proof.norms[0][0], Fraction(1, 7)), proof.norms[1])
     with pytest.raises(CertificateError, match="does not lock has a multiplier"):
         replace(proof, norms=wrong).check()
+
+
+def test_a_bound_is_shown_short_and_with_all_its_digits():
+    found = relaxed(lj.arm("free", 3, 2))
+    solver = f"{found.solution.solver} {found.solution.status}"
+    assert repr(found) == f"<Relaxed: {found.value!r}, proved (relaxation), {solver}>"

@@ -67,6 +67,8 @@ def test_ill_formed_certificates(changes, sentence, document, patched, tmp_path)
         (b"[]", CertificateError, "a list is not an object"),
         (b"NaN", CertificateError, "NaN is not an object"),
         (b"{}", CertificateError, "'joints' is missing"),
+        (b'{"jacobian": [[1]]}', CertificateError, "json is no certificate; it holds a Jac"),
+        (b'[{"jacobian": [[1]]}]', CertificateError, "which `lockedjoint measure "),
         (b'{"joints": 7, "joints": 7}', FileError, "a key is given twice"),
         (b'{"joints": ' + b"7" * 5000 + b"}", FileError, "a number is too long"),
         (b"", FileError, "valid JSON"),

@@ -236,6 +236,39 @@ def test_values_of_commands(values, tmp_path, command, name, value):
     assert values(command)[name] == near
 
 
+def test_max_min_of_another_arm(run):
+    elsewhere = "for another arm: lockedjoint bound worst-case --model …"
+    refused = run("bound max-min --model free")
+    assert (refused.returncode, elsewhere in refused.stderr) == (2, True)
+    assert refused.stderr.startswith("Error: No such option '--model'; ")
+    assert "Did you mean one of: '--joints'" in run("solve max-min --joint 7").stderr
+    page = " ".join(run("bound max-min --help").stdout.split())
+    assert "For another arm: `lockedjoint bound worst-case --model …`" in page
+
+
+def test_verify_says_what_is_proved(run, values):
+    text = " ".join(run("verify").stdout.split())
+    assert "no Jacobian J with JJᵀ = σ²I and columns of equal length exists" in text
+    assert "that is" not in values("verify")
+
+
+def test_verify_names_the_command_for_a_jacobian(run, tmp_path):
+    (tmp_path / "best.json").write_text('{"jacobian": [[1, 0], [0, 1]]}')
+    refused = run("verify best.json")
+    assert refused.returncode == 1
+    assert "best.json is no certificate; it holds a Jacobian" in refused.stderr
+    assert "`lockedjoint measure best.json`" in refused.stderr
+
+
+def test_two_gaps_have_two_names(run, values):
+    line = "solve max-min --starts 1"
+    text = run(line).stdout
+    assert re.search("^bound gap percent ", text, re.MULTILINE)
+    assert re.search("^sigma gap percent ", text, re.MULTILINE)
+    assert not re.search("^gap percent ", text, re.MULTILINE)
+    assert "gap_percent" in values(line)
+
+
 def test_prove_then_verify(run, values, tmp_path, derived, monkeypatch):
     """tests/formulations/existence compares what is derived with what is committed."""
     monkeypatch.setattr(derivation, "derive", lambda: derived)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from collections import defaultdict
+from contextlib import ExitStack
 from unittest.mock import patch
 
 import click
@@ -141,6 +142,50 @@ def test_columns_are_chosen(lockedjoint, folder):
     assert few.split()[:2] == ["joints", "score"]
     wrong = lockedjoint.here("bound", "record", "--columns", "nothing", cwd=folder)
     assert (wrong.returncode, "--columns is nothing" in wrong.stderr) == (2, True)
+
+
+SEARCH = "--columns nonsense --out-dir never"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"compare --joints 3 --task-dimension 2 {SEARCH}",
+        f"path arm.urdf way.csv {SEARCH}",
+        "posture arm.urdf --columns nonsense",
+        "measure arm.urdf --columns nonsense",
+    ],
+)
+def test_a_wrong_column_is_known_before_the_search(lockedjoint, folder, line):
+    searches = (
+        "lockedjoint.formulations.comparison.compare_cases",
+        "lockedjoint.paths.search.plan_path",
+        "lockedjoint.robots.posture.posture",
+        "lockedjoint.robots.robot_assessment.measure_robot",
+    )
+    with ExitStack() as never:
+        for name in searches:
+            never.enter_context(patch(name, side_effect=AssertionError(name)))
+        wrong = lockedjoint.here(*line.split(), cwd=folder)
+    assert wrong.returncode == 2
+    assert "--columns is nonsense; allowed: all, or some of " in wrong.stderr
+    assert not (folder / "never").exists()
+
+
+def test_columns_by_heading_and_in_every_form(lockedjoint, folder):
+    line = "compare --joints 3 --task-dimension 2 --starts 1 --workers 1 --columns"
+
+    def lines(*more):
+        done = lockedjoint.here(*line.split(), *more, cwd=folder)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.splitlines()
+
+    assert lines("problem,verdict")[0].split() == ["problem", "verdict"]
+    latex = lines("problem,verdict", "--to", "latex")
+    assert {line.count("&") for line in latex if line.endswith("\\\\")} == {1}
+    markdown = lines("verdict", "--to", "markdown")
+    assert markdown[0].strip("| ") == "verdict"
+    assert lines("problem,solved", "--to", "csv")[0] == "formulation,solved"
 
 
 class Terminal(io.StringIO):
