@@ -79,7 +79,7 @@ def _lengths(assessment: RobotAssessment, columns: Sequence[str] | None) -> str:
     if not assessment.by_length:
         return "The characteristic length is only a unit here: percentages do not depend on it."
     chosen = assessment.best_length
-    best = "" if chosen is None else f", the best {chosen.length:.4g} m"
+    best = "" if chosen is None else f", best percent of bound at {chosen.length:.4g} m"
     lines = [
         {"length (m)" if name == "length" else name: value for name, value in row.items()}
         for row in (vars(each) | _rounded(each) for each in assessment.by_length)
