@@ -19,10 +19,20 @@ if TYPE_CHECKING:
 _UNITS = {"q": "q (rad or m)", "characteristic_length": "characteristic length (m)"}
 # Largest singular value that is shown as 0: rounding.
 _ROUNDING = 1e-12
+# Number of decimals of a pose, metres and radians: it fits a line.
+_POSE_DECIMALS = 5
 # Number of failures that are shown, the worst first; all of them are in the JSON.
 _SHOWN = 12
 # Fields of an assessment that stand in a table of their own, or in the JSON alone.
-_HIDDEN = ("by_failure", "structural", "by_length", "best_length", "jacobian", "notes")
+_HIDDEN = (
+    "by_failure",
+    "structural",
+    "by_length",
+    "best_length",
+    "jacobian",
+    "notes",
+    "tool",
+)
 
 
 def robot_text(
@@ -47,6 +57,7 @@ def robot_text(
         **above,
         **{_UNITS.get(name, name): value for name, value in shown.items()},
         "at_limits": ", ".join(assessment.at_limits) or "none",
+        "tool at (m, rad)": _pose(assessment.tool),
         "q is": source,
         **_rounded(assessment),
         "percent_of_reachable": f"{assessment.percent_of_reachable:.2f}",
@@ -106,6 +117,12 @@ def _rounded(assessment: RobotAssessment | AtLength) -> dict[str, object]:
 def _sigma(value: float) -> str:
     """Return a singular value as text; 0 where it is rounding."""
     return f"{value:.6g}" if value > _ROUNDING else "0"
+
+
+def _pose(values: Mapping[str, float]) -> str:
+    """Return a pose as --at and a file of waypoints take it: x,y,z,roll,pitch,yaw."""
+    # Adding 0.0 makes −0.0 to 0.0.
+    return ",".join(f"{round(value, _POSE_DECIMALS) + 0.0:.9g}" for value in values.values())
 
 
 def _direction(values: Mapping[str, float]) -> dict[str, str]:
