@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from lockedjoint.robots.robot_assessment import AssessedFailure, RobotAssessment
 
 # Names under which values are printed: they say the units.
-_UNITS = {"q": "q (rad or m)", "characteristic_length": "characteristic length (m)"}
+_UNITS = {
+    "q": "q (rad or m)",
+    "tool": "tool at (m, rad)",
+    "characteristic_length": "characteristic length (m)",
+}
 # Largest singular value that is shown as 0: rounding.
 _ROUNDING = 1e-12
 # Number of decimals of a pose, metres and radians: it fits a line.
@@ -24,15 +28,7 @@ _POSE_DECIMALS = 5
 # Number of failures that are shown, the worst first; all of them are in the JSON.
 _SHOWN = 12
 # Fields of an assessment that stand in a table of their own, or in the JSON alone.
-_HIDDEN = (
-    "by_failure",
-    "structural",
-    "by_length",
-    "best_length",
-    "jacobian",
-    "notes",
-    "tool",
-)
+_HIDDEN = ("by_failure", "structural", "by_length", "best_length", "jacobian", "notes")
 
 
 def robot_text(
@@ -57,7 +53,7 @@ def robot_text(
         **above,
         **{_UNITS.get(name, name): value for name, value in shown.items()},
         "at_limits": ", ".join(assessment.at_limits) or "none",
-        "tool at (m, rad)": _pose(assessment.tool),
+        _UNITS["tool"]: _pose(assessment.tool),
         "q is": source,
         **_rounded(assessment),
         "percent_of_reachable": f"{assessment.percent_of_reachable:.2f}",
