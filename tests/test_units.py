@@ -286,3 +286,36 @@ def test_angles_of_obstacles_and_orientations_that_can_hardly_be_meant(folder, l
         stated = np.array([0, 0, float(angles)])
         notes = lj.workspace(folder / "flat.urdf", orientation=stated, **how).notes
         assert any("orientation beyond two turns" in note for note in notes) == noted
+
+
+@pytest.mark.parametrize(
+    ("line", "asked"),
+    [
+        ("--q=0,-20,0.1,30,40", True),
+        ("--q=j0=0,j1=-20,j2=0.1,j3=30,j4=40", True),
+        ("--locked j3=120", True),
+        ("--q=0,-4,0.1,0,0", False),  # outside, but an angle that radians may have
+        ("--q=0,0,30,0,0", False),  # metres
+        ("--q=0,-2000,0.1,0,0 --angles deg", False),
+    ],
+)
+def test_a_refused_angle_asks_for_degrees(line, asked, folder, lockedjoint):
+    words = ("measure", "arm.urdf", "--task", "vx,vy", *line.split())
+    done = lockedjoint.here(*words, cwd=folder)
+    assert done.returncode == 2
+    assert "allowed: within" in done.stderr
+    assert ("in degrees? --angles deg" in done.stderr) == asked, done.stderr
+
+
+@pytest.mark.parametrize(("x", "asked"), [(450, True), (15, False)])
+def test_a_place_out_of_reach_asks_for_millimetres(x, asked, folder, lockedjoint):
+    (folder / "way.csv").write_text(f"x,y,z\n{x},0.1,0.3\n{x},0.2,0.3\n")
+    for words, remedy in (
+        (("path", "arm.urdf", "way.csv"), "name the column x_mm"),
+        (("posture", "arm.urdf", "--task", "position", f"--at={x},0.1,0.3"), "a JSON file"),
+    ):
+        done = lockedjoint.here(*words, cwd=folder)
+        assert done.returncode == 2
+        assert "out of reach" in done.stderr
+        found = "in millimetres?" in done.stderr and remedy in done.stderr
+        assert found == asked, done.stderr

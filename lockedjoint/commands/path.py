@@ -20,7 +20,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import FieldsOf, Only
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
-from lockedjoint.commands.shared import RobotOnPath, look_of, looking_like, source_file
+from lockedjoint.commands.shared import (
+    NOT_CHECKED,
+    RobotOnPath,
+    look_of,
+    looking_like,
+    source_file,
+)
 from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError, MissingLibraryError
 from lockedjoint.paths.path_search import PathSearch, Timing
@@ -40,6 +46,8 @@ _RECOVERIES_FILE = "recoveries.npz"
 # Distance from a whole number up to which the place of a sample is a waypoint: places on the
 # path count waypoints, and this is rounding.
 _PLACE_TOLERANCE = 1e-9
+# Distance of the timed tool from the path above which a note names remedies.
+_LARGE_OFF_PATH_M = 1e-3
 # Rows of the task that are the tool's position along x, y and z.
 _POSITION_ROWS = {0, 1, 2}
 # Names under which values are printed: they say the units.
@@ -134,6 +142,7 @@ def path(
         timed = _timed(until_failure, plan, motion_limits, timing, has_position)
         if robot.apart is not None:
             timed.check_clear(ClearMotion(robot.apart, chain))
+        notes += _off_path(timed, timing) if has_position else ()
     # Controllers read this part alone: it also says whether the search ended.
     plain["timed"] = timed and {"complete": plan.complete, **timed.to_dict()}
     text = f"{as_text(_summary(plan, timed))}\n\n{as_table(plan.joint_rows(), columns=columns)}"
@@ -193,7 +202,9 @@ def _summary(plan: PathPlan, timed: TimedTrajectory | None) -> dict[str, Any]:
         for name, value in plan.to_dict().items()
         if not isinstance(value, dict | list) and name not in hidden
     }
-    if plan.closest is not None:
+    if plan.closest is None:
+        summary["collisions"] = NOT_CHECKED
+    else:
         summary["closest"] = str(plan.closest)
     if plan.approach is not None:
         summary["approach"] = str(plan.approach)
@@ -201,6 +212,18 @@ def _summary(plan: PathPlan, timed: TimedTrajectory | None) -> dict[str, Any]:
         summary |= {f"timed {name}": value for name, value in timed.summary().items()}
         summary["timed off path (m)"] = timed.off_path
     return summary
+
+
+def _off_path(timed: TimedTrajectory, timing: Timing) -> tuple[str, ...]:
+    """Return a sentence with remedies if the timed tool is far from the path, or none."""
+    if timed.off_path <= _LARGE_OFF_PATH_M:
+        return ()
+    rests = timing.corners == "stop"
+    remedy = "more --effort samples=" + ("" if rests else ", or --corners stop")
+    off_mm = 1000 * timed.off_path
+    return (
+        f"On the timed trajectory the tool is up to {off_mm:.2g} mm off the path: {remedy}.",
+    )
 
 
 def _motion_limits(chain: Chain, timing: Timing) -> MotionLimits | None:

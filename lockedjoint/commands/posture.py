@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from lockedjoint.commands.options import FieldsOf
 from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.robot_text import chosen_of_robot, robot_text
-from lockedjoint.commands.shared import Failures, WholeRobot, source_file
+from lockedjoint.commands.shared import NOT_CHECKED, Failures, WholeRobot, source_file
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.robots.search import Search
 
@@ -123,6 +123,8 @@ def _text(best: Posture, search: Search, columns: list[str] | None) -> str:
     else:
         how["starts"] = "none: every posture is as bad"
         source = "midway between the limits"
+    if best.clearance is None:
+        how["collisions"] = NOT_CHECKED
     parts = [robot_text(best.assessment, how, source, columns)]
     if best.unequal is not None:
         parts.append(as_text(best.unequal))

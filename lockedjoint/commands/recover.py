@@ -51,10 +51,11 @@ def recover(
 ) -> Answer:
     """Reach a goal after joints have failed, or prove that no configuration does.
 
-    The answer is one of three. A trajectory in time, which a separate routine checks. Or that
-    the joints that still move cannot reach the goal, collisions not considered: proved, with
-    all rounding errors bounded, or numerical. Or a list of what was tried without success.
-    Exit status 1 if there is no trajectory.
+    The answer is one of four. Trajectory: one in time, which a separate routine checks.
+    Impossible, proved: the joints that still move cannot reach the goal, collisions not
+    considered, with all rounding errors bounded. Impossible, numerical: the same without bounds
+    of the errors. Not found: a list of what was tried without success. Exit status 1 if there
+    is no trajectory.
 
     Parameters
     ----------
@@ -200,5 +201,5 @@ def _text(answer: Recovery) -> str:
         for name, places in advice.brake.items():
             shown[f"{name} could have locked at (rad or m)"] = [
                 round(x, _DECIMALS) for x in places
-            ] or "–"
+            ] or "nowhere"
     return as_text(shown)

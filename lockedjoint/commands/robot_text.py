@@ -17,12 +17,18 @@ if TYPE_CHECKING:
     from lockedjoint.robots.robot_assessment import AssessedFailure, RobotAssessment
 
 # Names under which values are printed: they say the units.
-_UNITS = {"q": "q (rad or m)", "characteristic_length": "characteristic length (m)"}
+_UNITS = {
+    "q": "q (rad or m)",
+    "tool": "tool at (m, rad)",
+    "characteristic_length": "characteristic length (m)",
+}
 # Columns of the table of failures, beside the directions of the task.
 _LOCKED = "locked"
 _LEFT = "sigma left"
 # Largest singular value that is shown as 0: rounding.
 _ROUNDING = 1e-12
+# Number of decimals of a pose, metres and radians: it fits a line.
+_POSE_DECIMALS = 5
 # Number of failures that are shown, the worst first; all of them are in the JSON.
 _SHOWN = 12
 # Fields of an assessment that stand in a table of their own, or in the JSON alone.
@@ -51,6 +57,7 @@ def robot_text(
         **above,
         **{_UNITS.get(name, name): value for name, value in shown.items()},
         "at_limits": ", ".join(assessment.at_limits) or "none",
+        _UNITS["tool"]: _pose(assessment.tool),
         "q is": source,
         **_rounded(assessment),
         "percent_of_reachable": f"{assessment.percent_of_reachable:.2f}",
@@ -105,7 +112,7 @@ def _lengths(assessment: RobotAssessment, columns: Sequence[str] | None) -> str:
     if not assessment.by_length:
         return "The characteristic length is only a unit here: percentages do not depend on it."
     chosen = assessment.best_length
-    best = "" if chosen is None else f", the best {chosen.length:.4g} m"
+    best = "" if chosen is None else f", best percent of bound at {chosen.length:.4g} m"
     lines = [
         {_named(name): value for name, value in row.items()}
         for row in (vars(each) | _rounded(each) for each in assessment.by_length)
@@ -132,6 +139,12 @@ def _rounded(assessment: RobotAssessment | AtLength) -> dict[str, object]:
 def _sigma(value: float) -> str:
     """Return a singular value as text; 0 where it is rounding."""
     return f"{value:.6g}" if value > _ROUNDING else "0"
+
+
+def _pose(values: Mapping[str, float]) -> str:
+    """Return a pose as --at and a file of waypoints take it: x,y,z,roll,pitch,yaw."""
+    # Adding 0.0 makes −0.0 to 0.0.
+    return ",".join(f"{round(value, _POSE_DECIMALS) + 0.0:.9g}" for value in values.values())
 
 
 def _direction(values: Mapping[str, float]) -> dict[str, str]:

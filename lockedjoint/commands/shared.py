@@ -45,6 +45,9 @@ DamagedRobot = Annotated[Robot, Only((*_OF_FILES, *_APART))]
 FieldsOfRobot = Annotated[dict[str, Any], FieldsOf(Robot, (*_ARM, "task", "length"))]
 FieldsOfTask = Annotated[dict[str, Any], FieldsOf(Robot, (*_ARM[1:], "task", "length"))]
 
+#: What is printed of collisions where nothing was asked to keep links apart.
+NOT_CHECKED = "not checked (--clearance)"
+
 
 @dataclass(frozen=True)
 class Failures:

@@ -215,12 +215,17 @@ class Chain(Brief):
         own = [f"{what}: {listed(names)}." for what, names in named.items() if names]
         return (*own, *self.remarks)
 
-    def within_limits(self, configuration: Sequence[float] | FloatArray) -> FloatArray:
-        """Return the configuration; InputError if it is outside the joints' limits."""
+    def within_limits(
+        self, configuration: Sequence[float] | FloatArray, in_degrees: bool = False
+    ) -> FloatArray:
+        """Return the configuration; InputError if it is outside the joints' limits.
+
+        `in_degrees` says that it was stated in degrees: the error does not ask for them then.
+        """
         point = finite_vector("configuration", configuration, len(self.joints))
         for joint, value in zip(self.joints, point, strict=True):
             ends = joint.lower, joint.upper
-            check_limits(joint.name, float(value), *ends, joint.prismatic)
+            check_limits(joint.name, float(value), *ends, joint.prismatic, in_degrees)
         return point
 
 
@@ -262,12 +267,22 @@ def narrowed(
 
 
 def check_limits(
-    name: str, value: float, lower: float, upper: float, prismatic: bool = False
+    name: str,
+    value: float,
+    lower: float,
+    upper: float,
+    prismatic: bool = False,
+    in_degrees: bool = False,
 ) -> None:
-    """Raise InputError, which says the unit, unless a position is within a joint's limits."""
+    """Raise InputError, which says the unit, unless a position is within a joint's limits.
+
+    An angle beyond two turns may be meant in degrees: the error asks, unless it was stated so.
+    """
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
         unit = "m" if prismatic else "rad"
         allowed = f"within [{lower:.7g}, {upper:.7g}] {unit}"
+        if abs(value) > TWO_TURNS and not (prismatic or in_degrees):
+            allowed += '; in degrees? --angles deg, or "angles": "deg" in a file'
         raise InputError(f"joint {name}", f"{value:.7g} {unit}", allowed)
     check_size(f"joint {name}", value)
 

@@ -24,6 +24,8 @@ _LEAST_SINE = 1e-12
 _LEAST_ANGLE_RAD = 1e-6
 # Lines are parallel if the squared sine of the angle between them is at most this: rounding.
 _PARALLEL_SQUARED_SINE = 1e-20
+# A pitch is a quarter turn if its cosine is less than this: roll and yaw have no digits there.
+_QUARTER_TURN_COSINE = 1e-7
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
@@ -40,6 +42,19 @@ def rotation(axis: FloatArray, angle: FloatArray) -> FloatArray:
     sine = np.sin(angle)[..., None, None]
     versine = 2 * (np.sin(angle / 2) ** 2)[..., None, None]  # 1 − cos, exact for small angles
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+
+
+def roll_pitch_yaw(turn: FloatArray) -> FloatArray:
+    """Return turns about the fixed axes x, y, z, one after the other, of a rotation, (3, 3).
+
+    As in URDF. At a pitch of a quarter turn only a sum of the others counts: yaw is then 0.
+    """
+    cosine = float(np.hypot(turn[0, 0], turn[1, 0]))
+    pitch = np.arctan2(-turn[2, 0], cosine)
+    if cosine < _QUARTER_TURN_COSINE:
+        return np.array([np.arctan2(-turn[1, 2], turn[1, 1]), pitch, 0.0])
+    roll = np.arctan2(turn[2, 1], turn[2, 2])
+    return np.array([roll, pitch, np.arctan2(turn[1, 0], turn[0, 0])])
 
 
 def screw(axis: FloatArray, angle: float, travel: float) -> FloatArray:

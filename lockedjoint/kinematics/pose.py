@@ -16,6 +16,15 @@ from lockedjoint.nlp.arrays import FloatArray, as_floats, real_number
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
 
+#: A position beyond this may be in millimetres.
+FAR_M = 20.0
+
+
+def asks_for_millimetres(position: FloatArray, remedy: str) -> str:
+    """Return the end of a sentence on a position, (3,), that may be millimetres, or nothing."""
+    far = bool(np.max(np.abs(position)) > FAR_M)
+    return f"; in millimetres? {remedy}" if far else ""
+
 
 @dataclass(frozen=True, repr=False)
 class Pose(Brief):

@@ -84,14 +84,14 @@ def read_state(
     said = isinstance(q, InDegrees)
     q = stated_positions(q, chain, states or {}, slides)
     if isinstance(q, Mapping):
-        point, notes = _of_mapping(q, chain)
+        point, notes = _of_mapping(q, chain, said)
         return point, notes if said else (*notes, *_hardly_meant(point, chain))
     values = as_floats("q", q)
     if values.shape != (len(chain.names),):
         names = listed(chain.names)
         given = f"{values.size} numbers" if values.ndim == 1 else f"of shape {values.shape}"
         raise InputError("q", given, f"{len(chain.names)} of them ({names}); or {ALLOWED}")
-    point = chain.within_limits(values)
+    point = chain.within_limits(values, said)
     return point, () if said else _hardly_meant(point, chain)
 
 
@@ -144,9 +144,12 @@ def _is_file(text: str) -> bool:
     return Path(text).suffix.lower() in _FILES
 
 
-def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, tuple[str, ...]]:
+def _of_mapping(
+    named: Mapping[str, float], chain: Chain, in_degrees: bool
+) -> tuple[FloatArray, tuple[str, ...]]:
     """Return positions by joint as an array, (n,), and a note on joints that it leaves aside.
 
+    They are in radians and metres; `in_degrees` says how angles were stated, for errors.
     InputError if a joint is missing, or one that stands is stated elsewhere.
     """
     values = {str(name): number(f"q of {name}", value) for name, value in named.items()}
@@ -164,7 +167,8 @@ def _of_mapping(named: Mapping[str, float], chain: Chain) -> tuple[FloatArray, t
             units = "(rad or m)"
             raise InputError(f"q of {name}", f"{values[name]:.7g} {units}", f"{at:.7g}, {why}")
     notes = [f"Joints that are not of the arm are left aside: {listed(others)}."]
-    point = chain.within_limits(np.array([values[name] for name in chain.names]))
+    positions = np.array([values[name] for name in chain.names])
+    point = chain.within_limits(positions, in_degrees)
     return point, tuple(notes if others else ())
 
 

@@ -30,6 +30,7 @@ from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.kinematics.chain import narrowed
 from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.inverse import solve_ik
+from lockedjoint.kinematics.pose import asks_for_millimetres
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -223,6 +224,7 @@ class Planner:
         position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
         pose = "a pose" if max(self.poses.rows) > 2 else "a position"
         limits = "that the arm reaches within its joints' limits"
+        limits += asks_for_millimetres(self.poses.positions[sample], "name the column x_mm")
         raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
 
     def _add_map(self) -> FloatArray | None:

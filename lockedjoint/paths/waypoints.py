@@ -15,7 +15,7 @@ from lockedjoint.formulations.io.files import load_json, read_bytes
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.kinematics.chain import LARGEST
 from lockedjoint.kinematics.geometry import IntArray
-from lockedjoint.kinematics.pose import Pose
+from lockedjoint.kinematics.pose import FAR_M, Pose
 from lockedjoint.kinematics.tool_poses import ToolPoses
 from lockedjoint.nlp.arrays import FloatArray, as_floats, check_length, whole_number
 from lockedjoint.nlp.errors import FileError, InputError, as_path, shown
@@ -38,8 +38,6 @@ _ALLOWED = (
 _METRES = {"_m": 1.0, "_cm": 0.01, "_mm": 0.001}
 # The name of a column of angles may end so: the number says how many radians its unit has.
 _RADIANS = {"_rad": 1.0, "_deg": np.pi / 180}
-# A position beyond this may be in millimetres.
-_FAR_M = 20.0
 # An angle beyond this may be in degrees.
 _TWO_TURNS_RAD = 4 * np.pi
 # An error of a pose allows this.
@@ -330,7 +328,7 @@ def _hardly_meant(head: Sequence[str], table: FloatArray) -> tuple[str, ...]:
     large = np.max(np.abs(table.reshape(-1, len(head))), axis=0)
     size = dict(zip(head, large.tolist(), strict=True))
     kinds = (
-        (_POSITION, _FAR_M, "metres", "millimetres", "x_mm,y_mm,z_mm"),
+        (_POSITION, FAR_M, "metres", "millimetres", "x_mm,y_mm,z_mm"),
         (_ANGLES, _TWO_TURNS_RAD, "radians", "degrees", "roll_deg,pitch_deg,yaw_deg"),
     )
     return tuple(

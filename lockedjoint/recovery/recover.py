@@ -80,10 +80,10 @@ def recover(
     Returns
     -------
     Recovery
-        One of three answers, and what was tried: a trajectory that has passed the check of
-        `lockedjoint.recovery.checking`; impossible, proved or numerical, which says that the
-        joints that can still move do not reach the goal, even if they may collide; or not
-        found.
+        One of four answers, and what was tried: a trajectory that has passed the check of
+        `lockedjoint.recovery.checking`; impossible, proved, or impossible, numerical, which
+        say that the joints that can still move do not reach the goal, even if they may collide;
+        or not found.
 
     Raises
     ------
@@ -163,16 +163,21 @@ def _recover_pose(state: DamagedState, goal: ToolGoal) -> Recovery:
         tell(Step("ways to it" if len(ends) else "a proof", (number + 0.5) / len(rounds)))
         proof = None if len(ends) else prove_unreachable(state.arm.chain, goal, boxes)
         if proof is not None:
-            tried.append(f"a proof of {proof.boxes} boxes, {proof.grade}")
+            tried.append(f"a proof of {_counted(proof.boxes)}, {proof.grade}")
             verdict, advice = f"impossible, {proof.grade}", places.help(rng)
             return Recovery(verdict, tuple(tried), proof=proof, help=advice)
         if not len(ends):
-            tried.append(f"no proof with {boxes} boxes")
+            tried.append(f"no proof with {_counted(boxes)}")
             continue
         answer = _along_a_way(state, goal, ends, tried)
         if answer is not None:
             return answer
     return Recovery("not found", tuple(tried), help=places.help(rng))
+
+
+def _counted(boxes: int) -> str:
+    """Return a number of boxes in words."""
+    return "1 box" if boxes == 1 else f"{boxes} boxes"
 
 
 def _along_a_way(

@@ -25,7 +25,7 @@ from lockedjoint.clearance.link_clearance import LinkClearance, PointPair
 from lockedjoint.kinematics.forward import tip_kinematics
 from lockedjoint.kinematics.geometry import BoolArray
 from lockedjoint.kinematics.inverse import solve_ik
-from lockedjoint.kinematics.pose import Pose
+from lockedjoint.kinematics.pose import Pose, asks_for_millimetres
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.kinematics.serial_chain import Ranges
 from lockedjoint.kinematics.tree import RobotError
@@ -229,6 +229,8 @@ class PoseConstrainedArm(RobotArm):
         if self.pose.quaternion is not None:
             missing += f" and {np.degrees(angle[best]):.3g}°"
         allowed = f"one that the arm reaches within its joints' limits (nearest: {missing} off)"
+        place = np.array(self.pose.position)
+        allowed += asks_for_millimetres(place, "--at takes metres, a JSON file also x_mm")
         return InputError(f"pose at ({position})", "out of reach", allowed)
 
     def _reached(

@@ -19,6 +19,8 @@ from lockedjoint.formulations.bounds.certified import best_known
 from lockedjoint.formulations.bounds.unequal_failures import assess_failures
 from lockedjoint.formulations.io.table import written
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
+from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.geometry import roll_pitch_yaw
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray, as_floats, one_blas_thread
 from lockedjoint.nlp.errors import of_kind, printable
@@ -35,6 +37,8 @@ _AT_LIMIT_M_OR_RAD = 1e-4
 _SHOWN_MULTIPLES = np.array([10 ** (k / 4) for k in range(-4, 5)])
 # ‖J‖_F² of the seven joints of `best_7r`.
 _TRACE_OF_BEST_7R = 14.0
+# A pose has these numbers, as waypoints and `--at` take them.
+_POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 # Number of failures, the worst first, that a notebook shows.
 _SHOWN_FAILURES = 10
 
@@ -63,6 +67,9 @@ class RobotAssessment:
         Positions by joint, radians or metres.
     at_limits
         Joints at one of their limits.
+    tool
+        Where the tip is, along the axes of the base, with the names that waypoints have: x, y,
+        z in metres and roll, pitch, yaw in radians.
     characteristic_length
         ℓ in metres.
     failures
@@ -103,6 +110,7 @@ class RobotAssessment:
     notes: tuple[str, ...]
     q: dict[str, float]
     at_limits: tuple[str, ...]
+    tool: dict[str, float]
     characteristic_length: float
     failures: int
     worst_case_sigma: float
@@ -193,6 +201,7 @@ def measure_robot(
         notes=(*chain.notes, *notes),
         q=dict(zip(chain.names, point.tolist(), strict=True)),
         at_limits=tuple(compress(chain.names, near)),
+        tool=_tool(chain, point),
         characteristic_length=length,
         failures=failures,
         worst_case_sigma=worst.sigma,
@@ -237,6 +246,13 @@ def measure_robot_unequal(
     for key in ("never_failing_joints", "weighted_worst_joints"):
         assessed[key] = [arm.chain.names[k] for k in assessed[key]]
     return assessed
+
+
+def _tool(chain: Chain, point: FloatArray) -> dict[str, float]:
+    """Return where the tip is at a configuration, (n,): position and angles, by name."""
+    position, turn = chain.tip_at(point[:, None])
+    pose = [*position[:, 0].tolist(), *roll_pitch_yaw(turn[:, :, 0]).tolist()]
+    return dict(zip(_POSE, pose, strict=True))
 
 
 def best_7r() -> float:

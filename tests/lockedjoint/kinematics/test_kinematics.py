@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.forward import tip_kinematics
+from lockedjoint.kinematics.geometry import roll_pitch_yaw
 from lockedjoint.kinematics.inverse import solve_ik
 from lockedjoint.kinematics.tool_poses import ToolPoses
 
@@ -30,6 +31,18 @@ def test_the_missing_rotation_up_to_half_a_turn():
     # The rotation of the vector, from where the tool is, gives what is wanted.
     left = (Rotation.from_rotvec(vectors) * present * wanted.inv()).magnitude()
     assert left.max() < 1e-12
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.4, -1.5, *(np.pi / 2 - d for d in (0, 1e-9, 1e-6))])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_angles_of_a_rotation_make_it_again(pitch, side):
+    """Also about a quarter turn, where there are many."""
+    for roll, yaw in ((0.0, 0.0), (0.3, -2.8), (3.1, 1.2)):
+        turn = Rotation.from_euler("xyz", [roll, side * pitch, yaw]).as_matrix()
+        angles = roll_pitch_yaw(turn)
+        again = Rotation.from_euler("xyz", angles).as_matrix()
+        np.testing.assert_allclose(again, turn, atol=2e-7)
+        assert abs(angles[1]) <= np.pi / 2
 
 
 def test_half_a_turn_off_is_not_there(arm):

@@ -172,3 +172,35 @@ def test_the_command_times_both_as_one(folder, lockedjoint):
     np.testing.assert_allclose(run["velocities"][begins], 0, atol=1e-9)
     assert max(run["speed"], run["acceleration"], run["jerk"]) <= 1 + 1e-9
     assert written["approach"]["configurations"][0] == q.tolist()
+
+
+@pytest.mark.parametrize(
+    ("corners", "samples", "said"),
+    [
+        ("blend", 5, "--effort samples=, or --corners stop."),
+        ("stop", 3, "--effort samples=."),
+        ("stop", 60, None),
+    ],
+)
+def test_a_timed_tool_that_is_far_from_the_path_is_noted(
+    folder, lockedjoint, corners, samples, said
+):
+    pytest.importorskip("toppra", reason="install toppra")
+    place, _ = folder
+    first = [float(number) for number in (place / "w.csv").read_text().split()[1].split(",")]
+    ways = [[0, 0, 0], [0, 0.1, 0], [0, 0.1, -0.1]]
+    lines = [",".join(map(str, np.add(first, way).tolist())) for way in ways]
+    (place / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
+    line = "path arm.urdf w.csv --tip tool --effort tracks=8 --effort rounds=1 --json"
+    line += f" --acceleration 2 --corners {corners} --effort samples={samples}"
+    done = lockedjoint.here(*line.split(), cwd=place)
+    assert done.returncode == 0, done.stderr
+    off_mm = 1000 * json.loads(done.stdout)["timed"]["off_path"]
+    assert (off_mm > 1) == (said is not None)
+    notes = [one for one in done.stderr.splitlines() if "mm off the path" in one]
+    if said is None:
+        assert not notes
+    else:
+        (note,) = notes
+        assert f"{off_mm:.2g} mm off the path" in note
+        assert note.endswith(said)

@@ -1,6 +1,7 @@
 """After failures: against closed forms, pinocchio, an independent check, and its mutants."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -392,7 +393,10 @@ def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, 
     assert far.returncode == 1
     assert "out of reach" in far.stderr
     assert json.loads(far.stdout)["verdict"] == "impossible, proved"
+    assert json.loads(far.stdout)["tried"][-1] == "a proof of 1 box, proved"
     assert [path.name for path in (tmp_path / "far").iterdir()] == ["proof.json"]
+    shown = lockedjoint.here(*words, "--at=9,0,0", cwd=tmp_path).stdout
+    assert re.search(r"^j2 could have locked at \(rad or m\) +nowhere$", shown, re.MULTILINE)
     # The check needs nothing but NumPy: isolated, and away from all other modules.
     alone = shutil.copy(check_proof.__file__, tmp_path / "alone.py")
     words = [sys.executable, "-I", alone, tmp_path / "far" / "proof.json"]

@@ -3,9 +3,11 @@
 import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from lockedjoint.formulations import measures
+from lockedjoint.paths.waypoints import read_pose
 
 
 @pytest.fixture
@@ -95,3 +97,32 @@ def test_a_structural_failure_is_a_result(lockedjoint, made, tmp_path):
     assert (found["starts"], found["reached_best"]) == (0, 0)
     (failure,) = found["structural"]
     assert (failure["joint"], failure["kind"]) == ("j3", "structural")
+
+
+def test_where_the_tool_is_can_be_given_to_at(lockedjoint, made, robot, tmp_path):
+    """The line of the text, and the key of the JSON; judged by pinocchio."""
+    q = [0.3, -0.9, 0.4, 1.1, -0.2, 0.8, 0.5]
+    measured = ("measure", robot, "--q=" + ",".join(map(str, q)))
+    (line,) = (
+        line
+        for line in lockedjoint.here(*measured, cwd=tmp_path).stdout.splitlines()
+        if line.startswith("tool at")
+    )
+    pose = line.removeprefix("tool at (m, rad)").strip()
+    tool = lockedjoint.json(*measured, cwd=tmp_path)["tool"]
+    assert [float(number) for number in pose.split(",")] == pytest.approx(
+        list(tool.values()), abs=1e-5
+    )
+    (tmp_path / "tool.json").write_text(json.dumps(tool))
+    model, names = pin.buildModelFromXML(robot.read_text()), [f"j{k}" for k in range(7)]
+    expected = made.pose_in_pinocchio(model, names, q, "l7")
+    for text in (pose, str(tmp_path / "tool.json")):
+        read = read_pose(text)
+        assert read.position == pytest.approx(expected.translation, abs=2e-5)
+        assert read.rotation == pytest.approx(expected.rotation, abs=3e-5)
+
+
+def test_a_posture_says_whether_links_were_looked_at(lockedjoint, robot, tmp_path):
+    done = lockedjoint.here("posture", robot, "--starts", 1, cwd=tmp_path)
+    (line,) = (one for one in done.stdout.splitlines() if one.startswith("collisions"))
+    assert line.split(maxsplit=1)[1] == "not checked (--clearance)"
