@@ -25,6 +25,7 @@ from typing import Any
 
 from docutils import nodes
 from docutils.parsers.rst.states import Inliner
+from jupyter_cache import get_cache
 from sphinx.util.logging import getLogger
 
 # Preparations --------------------------------------------------------------------------------
@@ -121,6 +122,8 @@ myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(CACHE)
+# The cache's database is made here: two processes that read pages would make it at once.
+get_cache(CACHE).db  # noqa: B018
 nb_execution_in_temp = True
 nb_execution_timeout = 1200  # a cell; machines may be busy
 nb_execution_raise_on_error = True
