@@ -147,10 +147,7 @@ def largest_worst_case(arm: Arm, failures: int = 1) -> Bound:
     fewer = largest_worst_case(arm, failures - 1) if failures > 1 else None
     found = _relaxed(arm, failures, "max-min")
     if found is None or failures > 1:
-        value = sqrt(
-            several_failures.several_locked_bound(*arm.shape, arm.largest_trace, failures)
-        )
-        found = least(found, Bound(value, "closed form"))
+        found = least(found, Bound(_closed_form(arm, failures), "closed form"))
     short = all(
         isinstance(joint, UnitRevolute)
         or (isinstance(joint, LeverRevolute) and joint.length <= 1 and not joint.pitch)
@@ -168,6 +165,17 @@ def largest_worst_case(arm: Arm, failures: int = 1) -> Bound:
         _several_by_rows(arm, failures),
         fewer,
     )
+
+
+def _closed_form(arm: Arm, failures: int) -> float:
+    """Return what the worst case σ is not above, of norms alone.
+
+    For one failure it is eq. (6), rounded up.
+    """
+    m, n = arm.shape
+    if failures == 1 and n > m:
+        return rational_roots.root_above(Fraction(arm.largest_trace) * (n - m) / (m * n))
+    return sqrt(several_failures.several_locked_bound(m, n, arm.largest_trace, failures))
 
 
 def largest_weighted_worst_case(arm: Arm, failures: FailureModel) -> Bound:

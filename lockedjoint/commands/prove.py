@@ -19,7 +19,7 @@ from lockedjoint.nlp.errors import InputError
 
 # Ending of the name of a file with the proof in Coq.
 _COQ = ".v"
-# What the certificate of nonexistence proves, in words: a line below its verdict.
+# The line below the verdict: it says in words what the certificate of nonexistence proves.
 _MEANING = {
     "that is": "for seven revolute joints no Jacobian J with JJᵀ = σ²I and columns of equal "
     "length exists (docs/nonexistence.md)"

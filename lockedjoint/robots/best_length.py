@@ -24,8 +24,8 @@ from typing import NamedTuple
 _LONG_BRACKET = 0.6
 # The same where the ends have different worst failures: tangents then meet where heights do.
 _LONG_BETWEEN_FAILURES = 1e-6
-# Where such a bracket is longer, and its best end is where the tangents meet, the next point is
-# this share of the bracket from there: the other end has to come nearer.
+# The next point is this share of such a bracket, if it is longer, from its best end, if that is
+# where the tangents meet: the other end has to come nearer.
 _NEAR_SHARE = 0.05
 # Length of a bracket, in log ℓ, at which the search ends.
 _SHORTEST_BRACKET = 1e-13

@@ -1,6 +1,7 @@
 """Bounds beside what was found: they hold, and say what kind of proof they have."""
 
 import json
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +122,14 @@ def test_where_the_relaxation_is_left_out_it_says_no_more(kind, joints):
     known = bound("isotropy", arm(kind, joints))
     assert known is NONE_EXISTS or known.value <= relaxed(arm(kind, joints)).value
     assert relaxed(arm(kind, joints), 1, "residual").value < 1e-9
+
+
+@pytest.mark.parametrize("joints", range(8, 17))
+def test_equation_6_is_rounded_up(joints):
+    for kind, trace in (("unit-revolute", 2 * joints), ("free", joints), ("free-mean", joints)):
+        found = Fraction(bound("max-min", arm(kind, joints)).value)
+        square = Fraction(trace) * (joints - 6) / (6 * joints)
+        assert square <= found**2 < square * (1 + Fraction(1, 2**51))
 
 
 def test_gap_in_percent_of_the_bound():
