@@ -5,7 +5,14 @@ import pytest
 from results.fuzz import trials
 from results.fuzz.fuzz import COUNTS, complain, row_of
 
-SHORT = {"calls": 3_000, "command lines": 60, "stores": 80, "certificates": 100}
+SHORT = {
+    "calls": 3_000,
+    "command lines": 60,
+    "stores": 80,
+    "certificates": 100,
+    "two-point certificates": 10,
+    "relaxation certificates": 30,
+}
 
 
 @pytest.mark.parametrize("kind", COUNTS)

@@ -78,7 +78,7 @@ def open_store(path: Path | str, *, writable: bool = False) -> Store:
     ...     lj.open_store("nowhere.db")
     ... except lj.InputError as error:
     ...     print(error)
-    store is nowhere.db; allowed: the file of a campaign.
+    store is nowhere.db; allowed: the file of a campaign (no such file).
     """
     of_kind("writable", writable, bool, "true or false")
     return Store(as_path("store", path), COLUMNS, writable=writable)

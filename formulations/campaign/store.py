@@ -68,7 +68,7 @@ class Store(AbstractContextManager["Store", None]):
         self._names = ["cell", "start", *self.columns, "environment"]
         with ExitStack() as opened, self._errors():
             if not (writable or path.is_file()):
-                raise FileError("store", str(path), "the file of a campaign")
+                raise FileError("store", str(path), "the file of a campaign (no such file)")
             # A reader, too, undoes what a killed process wrote by half, where it may write.
             uri = f"{path.absolute().as_uri()}?mode={'rwc' if writable else 'rw'}"
             # Transactions are those of `_transaction` if there is no isolation level.

@@ -17,7 +17,14 @@ from results.fuzz import trials
 from results.script import main, study_of
 
 #: Trials of each kind, if no number is given. More of them find rarer faults, and take longer.
-COUNTS = {"calls": 50_000, "command lines": 1_000, "stores": 2_500, "certificates": 1_200}
+COUNTS = {
+    "calls": 50_000,
+    "command lines": 1_000,
+    "stores": 2_500,
+    "certificates": 1_200,
+    "two-point certificates": 200,
+    "relaxation certificates": 600,
+}
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,10 @@ def of_kind(kind: str, seed: int, count: int, folder: Path) -> Iterator[str]:
         return trials.lines(seed, count, folder)
     if kind == "stores":
         return trials.stores(seed, count, folder)
+    if kind == "two-point certificates":
+        return trials.two_point_certificates(seed, count)
+    if kind == "relaxation certificates":
+        return trials.relaxation_certificates(seed, count)
     return trials.certificates(seed, count)
 
 

@@ -15,7 +15,10 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import replace
+from fractions import Fraction
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +27,13 @@ import numpy as np
 import lockedjoint as lj
 from lockedjoint.__main__ import main
 from lockedjoint.commands.app import app
+from lockedjoint.formulations import measures, relaxation
+from lockedjoint.formulations.bounds.relaxation_proof import RelaxationProof
+from lockedjoint.formulations.bounds.relaxation_rounding import prove
+from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.campaign.campaign import declaration, run
 from lockedjoint.formulations.campaign.records import TIMES, open_store
+from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
 from lockedjoint.recovery.check_proof import check
 from lockedjoint.recovery.failures import Damage
@@ -54,6 +62,12 @@ _MOST_BOXES = 2000
 # Less than so many splits are put into a proof, and the share of proofs that are cut short.
 _MOST_SPLITS = 30
 _CUT_SHARE = 0.2
+# Factors for a number of a false certificate of a bound, and the share by which this claims
+# too much.
+_FACTORS = (0.0, -1.0, 0.5, 0.999, 0.999999, 1.000001, 1.001, 1.5, 3.0)
+_TOO_SHARP = 1e-9
+# Arms of false certificates of the relaxation: its value is a maximum, so nothing proves more.
+_RELAXED = ("unit-revolute:7", "unit-revolute:5,prismatic:2", "rotor:8")
 # Values that are no right argument, or rarely one. None of them asks for much work.
 _JUNK: tuple[Any, ...] = (
     None,
@@ -272,14 +286,77 @@ def certificates(seed: int, count: int) -> Iterator[str]:
             splits[at:at] = [int(rng.integers(-1, len(content["joints"]) + 1))]
         if rng.random() < _CUT_SHARE:
             del splits[int(rng.integers(len(splits))) :]
-        yield _checked(content)
+        yield _checked(partial(check, content))
 
 
-def _checked(content: dict[str, Any]) -> str:
+def two_point_certificates(seed: int, count: int) -> Iterator[str]:
+    """Claim less than six lines in space attain when two joints lock, with changed multipliers.
+
+    The multipliers are those of the record, where the claim is 0.2 % above what is attained.
+    """
+    rng = np.random.default_rng(seed)
+    text = (files("lockedjoint.formulations.bounds") / "two_point.json").read_text("utf-8")
+    [stored] = [
+        one for one in json.loads(text) if (one["task_dimension"], one["joints"]) == (3, 6)
+    ]
+    names = ("task_dimension", "joints", "blocks", "lift", "violation", "trace_limit")
+    attained = 3 / (1 - measures.sigma_bound(3, 6, 6, 2) ** 2 / 2)  # tr G of the icosahedron
+    for _ in range(count):
+        claim = {name: json.loads(json.dumps(stored[name])) for name in names}
+        claim["trace_limit"] = attained * (1 - _TOO_SHARP)
+        factor = float(rng.choice(_FACTORS))
+        kind = int(rng.integers(3))
+        if kind == 0:
+            claim["violation"] *= factor
+        elif kind == 1:
+            claim["lift"][int(rng.integers(len(claim["lift"])))] *= factor
+        else:
+            block = claim["blocks"][int(rng.integers(len(claim["blocks"])))]
+            i, k = (int(place) for place in rng.integers(len(block), size=2))
+            block[i][k] *= factor
+            block[k][i] = block[i][k]
+        yield _checked(partial(prove_two_point, **claim))
+
+
+def relaxation_certificates(seed: int, count: int) -> Iterator[str]:
+    """Claim more than the best that a relaxation proves, with changed multipliers."""
+    rng = np.random.default_rng(seed)
+    proofs = [prove(relaxation.solve(relaxation.build(lj.arm(spec)))) for spec in _RELAXED]
+    for _ in range(count):
+        false = _sharper(proofs[int(rng.integers(len(proofs)))], rng)
+        yield _checked(false.check)
+
+
+def _sharper(proof: RelaxationProof, rng: np.random.Generator) -> RelaxationProof:
+    """Return a proof with one number changed at random, which claims a little more."""
+    factor = Fraction(float(rng.choice(_FACTORS)))
+    sharper = replace(proof, level=proof.level * (1 - Fraction(_TOO_SHARP)))
+    kind = int(rng.integers(3))
+    if kind == 0:
+        conditions = [list(weights) for weights in proof.conditions]
+        weights = conditions[int(rng.integers(len(conditions)))]
+        place = int(rng.integers(len(weights)))
+        weights[place] = weights[place] * factor if weights[place] else factor
+        return replace(sharper, conditions=tuple(tuple(weights) for weights in conditions))
+    if kind == 1:
+        failures = [matrix.copy() for matrix in proof.failures]
+        matrix = failures[int(rng.integers(len(failures)))]
+        i, k = rng.integers(len(matrix), size=2)
+        matrix[i, k] += factor
+        matrix[k, i] = matrix[i, k]
+        return replace(sharper, failures=tuple(failures))
+    sums = list(proof.sums)
+    block = int(rng.integers(len(sums)))
+    weight = sums[block].weight
+    sums[block] = replace(sums[block], weight=weight * factor if weight else factor)
+    return replace(sharper, sums=tuple(sums))
+
+
+def _checked(proof: Callable[[], object]) -> str:
     """Return how the check of a false certificate ends."""
     try:
-        check(content)
-    except ValueError:
+        proof()
+    except (CertificateError, ValueError):
         return "refused"
     except Exception:  # that is what is looked for
         return "raw"
