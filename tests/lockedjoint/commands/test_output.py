@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from lockedjoint.commands.output import WIDTH, as_table
 
-
 # As wide as what a terminal leaves beside a broken column.
 NOTE = "n" * 54
 
