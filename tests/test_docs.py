@@ -7,6 +7,7 @@ import shlex
 import tomllib
 from collections import Counter
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -89,11 +90,12 @@ def test_every_command_and_option_exists(page):
 
 # Code within a line or two of text.
 INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
+FENCED = re.compile(r"^ *```.*?^ *```$", re.MULTILINE | re.DOTALL)
 
 
 def calls_in_text(page):
     """Return the words of what the text of a page names that begins with a command."""
-    text = re.sub(r"^ *```.*?^ *```$", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    text = FENCED.sub("", page.read_text("utf-8"))
     found = [words.removeprefix("lockedjoint ").split() for words in INLINE.findall(text)]
     return [words for words in found if words and words[0] in COMMANDS]
 
@@ -167,7 +169,8 @@ def test_the_page_on_proofs_counts_what_the_atlas_has():
     words = {"tight": "residual", "null-vector": "signs of the null vector"}
     words["turned"] = "isotropic lever arms"
     kinds = Counter(re.sub(r"^proved \((.*)\)$", r"\1", row["kind"]) for row in rows)
-    shown = re.findall(r"^\| ([a-z, -]+) \| (\d+)", text.partition("| known by |")[2], re.MULTILINE)
+    table = text.partition("| known by |")[2]
+    shown = re.findall(r"^\| ([a-z, -]+) \| (\d+)", table, re.MULTILINE)
     assert dict(shown) == {words.get(kind, kind): str(count) for kind, count in kinds.items()}
     isolated = sum(row["family"] == "0" for row in rows)
     proved = sum(row["locally_optimal"] == "True" for row in rows)
@@ -190,7 +193,7 @@ def test_rooms_are_listed_in_the_order_of_the_contracts():
         order = [[place[room] for room in one.split(" : ") if room in place] for one in layers]
         order = [places for places in order if places]
         assert sum(map(len, order)) == len(place)
-        for above, below in zip(order, order[1:], strict=False):
+        for above, below in pairwise(order):
             assert max(above) < min(below)
 
 
