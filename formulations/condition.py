@@ -24,7 +24,7 @@ from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound, least, planar_on_record
 from lockedjoint.formulations.bounds.rational_roots import first_double
 from lockedjoint.formulations.encodings.factors import factor_of, factor_start, triangular
-from lockedjoint.formulations.joints.joint import ColumnModel, check
+from lockedjoint.formulations.joints.joint import ArmModel, check
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.options import OptionValue
 from lockedjoint.nlp.problem import Constraint, Problem, Sense
@@ -48,7 +48,7 @@ _ROUNDED_UP = 1 + 2.0**-43
 _PENTAGON = (3, 5, 2)
 
 
-def build(arm: ColumnModel, failures: int = 1) -> Problem:
+def build(arm: ArmModel, failures: int = 1) -> Problem:
     """State the problem for an arm of which `failures` joints lock at once.
 
     The output ``jacobian`` is J. The variables are those of the joints, t, all u_F, and the
@@ -112,7 +112,7 @@ def score(jacobian: FloatArray, failures: int = 1) -> float:
     return float(np.min(measures.reciprocal_conditions(jacobian, failures)))
 
 
-def bound(arm: ColumnModel, failures: int = 1) -> Bound:
+def bound(arm: ArmModel, failures: int = 1) -> Bound:
     """Return what no least reciprocal condition number is above (docs/atlas_names.md).
 
     The determinants of all J_F̄J_F̄ᵀ add up to C(n − m, k) det(JJᵀ), and each is at least what

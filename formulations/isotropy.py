@@ -34,7 +34,7 @@ from lockedjoint.formulations.isotropy_equations import (
     residuals,
 )
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import ColumnModel, check
+from lockedjoint.formulations.joints.joint import ArmModel, check
 from lockedjoint.formulations.measures.jacobian import locked_sets
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.options import OptionValue
@@ -57,7 +57,7 @@ TOLERANCE = 1e-10
 _BOUND_TOLERANCE = 1e-9
 
 
-def build(arm: ColumnModel, failures: int = 1) -> Problem:
+def build(arm: ArmModel, failures: int = 1) -> Problem:
     """State the problem for an arm of which `failures` joints lock at once.
 
     Its output ``jacobian`` is J. Where all T/m − ‖j_f‖² are constants and one joint locks,
@@ -125,7 +125,7 @@ def score(jacobian: FloatArray, failures: int = 1) -> float:
     return measures.worst_case_sigma(jacobian, failures)
 
 
-def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:
+def bound(arm: ArmModel, failures: int = 1) -> Bound | None:
     """Return what no worst case of an isotropic Jacobian is above; see `Formulation`.
 
     `NONE_EXISTS` where it is proved that there is no isotropic one.
@@ -137,7 +137,7 @@ def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:
     return certified.largest_isotropic_worst_case(arm, failures)
 
 
-def _not_implied(arm: ColumnModel, variables: ca.SX) -> tuple[Constraint, ...]:
+def _not_implied(arm: ArmModel, variables: ca.SX) -> tuple[Constraint, ...]:
     """Return the joints' own constraints, less the bounds that isotropy alone meets.
 
     Isotropy fixes some of them outright (the mean of |v|² is 1 for revolute joints); stated,

@@ -16,7 +16,7 @@ print:
 import casadi as ca
 import numpy as np
 
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.formulations.joints.models import is_unit_revolute
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -50,7 +50,7 @@ def pairs(task_dimension: int) -> list[tuple[int, int]]:
     return [(i, i) for i in range(m)] + [(i, j) for i in range(m) for j in range(i + 1, m)]
 
 
-def mean_eigenvalue(arm: ColumnModel, variables: ca.SX) -> ca.SX:
+def mean_eigenvalue(arm: ArmModel, variables: ca.SX) -> ca.SX:
     """Return T/m, what every eigenvalue of JJᵀ must be: a constant where the joints fix T."""
     m, _ = arm.shape
     if arm.fixed_trace is not None:
@@ -58,14 +58,14 @@ def mean_eigenvalue(arm: ColumnModel, variables: ca.SX) -> ca.SX:
     return ca.sumsqr(arm.matrix(variables)) / m
 
 
-def residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
+def residuals(arm: ArmModel, variables: ca.SX) -> ca.SX:
     """Return the m(m + 1)/2 distinct entries of JJᵀ − (T/m)I, shape (m(m + 1)/2, 1)."""
     matrix = arm.matrix(variables)
     deviation = matrix @ matrix.T - mean_eigenvalue(arm, variables) * ca.SX.eye(arm.shape[0])
     return ca.vertcat(*(deviation[i, j] for i, j in pairs(arm.shape[0])))
 
 
-def independent_rows(arm: ColumnModel) -> list[int]:
+def independent_rows(arm: ArmModel) -> list[int]:
     """Return the rows of `residuals` that are independent as functions on the arm's Jacobians.
 
     The others follow from them whatever the joints' parameters are: 21 rows leave 18 for
@@ -84,7 +84,7 @@ def independent_rows(arm: ColumnModel) -> list[int]:
     return rows
 
 
-def sampled(arm: ColumnModel, variables: ca.SX, expressions: ca.SX) -> FloatArray:
+def sampled(arm: ArmModel, variables: ca.SX, expressions: ca.SX) -> FloatArray:
     """Return values of expressions at more random configurations than there are expressions.
 
     Shape (configurations, expressions), the same at every call.
@@ -96,7 +96,7 @@ def sampled(arm: ColumnModel, variables: ca.SX, expressions: ca.SX) -> FloatArra
 
 
 def constants_where_isotropic(
-    arm: ColumnModel, variables: ca.SX, expressions: ca.SX
+    arm: ArmModel, variables: ca.SX, expressions: ca.SX
 ) -> FloatArray:
     """Return the values that expressions have at every isotropic Jacobian of the arm.
 
@@ -147,7 +147,7 @@ def closed_forms(variables: ca.SX, as_printed: bool = False) -> ca.SX:
     return forms
 
 
-def appendix_residuals(arm: ColumnModel, variables: ca.SX) -> ca.SX:
+def appendix_residuals(arm: ArmModel, variables: ca.SX) -> ca.SX:
     """Return f_1 … f_21 with the signs of eqs. (23)–(43), f_17 corrected, shape (21, 1).
 
     The same functions as `residuals`, written as in the Appendix.

@@ -24,7 +24,7 @@ import numpy as np
 from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound, least, planar_on_record
 from lockedjoint.formulations.encodings.columns import inverse
-from lockedjoint.formulations.joints.joint import ColumnModel, check
+from lockedjoint.formulations.joints.joint import ArmModel, check
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.options import OptionValue
 from lockedjoint.nlp.problem import Constraint, Problem, Sense
@@ -41,7 +41,7 @@ OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"max_iter": 500, "tol": 1
 _ROUNDED_UP = 1 + 2.0**-46
 
 
-def build(arm: ColumnModel, failures: int = 1) -> Problem:
+def build(arm: ArmModel, failures: int = 1) -> Problem:
     """State the problem for an arm, as a nonlinear program with the output ``jacobian``.
 
     Parameters
@@ -91,7 +91,7 @@ def score(jacobian: FloatArray, failures: int = 1) -> float:
     return float(np.min(measures.relative_manipulability(jacobian, failures)))
 
 
-def bound(arm: ColumnModel, failures: int = 1) -> Bound:
+def bound(arm: ArmModel, failures: int = 1) -> Bound:
     """Return what no relative manipulability of n columns of m rows is above.
 
     By Cauchy and Binet det(JJᵀ) is the sum of the squares of all minors of m columns, and each

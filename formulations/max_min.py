@@ -58,7 +58,7 @@ from lockedjoint.formulations.encodings.factors import (
     least_pivot,
 )
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.formulations.measures import unequal_failures
 from lockedjoint.formulations.measures.jacobian import check_locked
 from lockedjoint.formulations.measures.unequal_failures import FailureModel
@@ -118,7 +118,7 @@ _CLEARLY_REGULAR = 0.01
 
 
 def build(
-    arm: ColumnModel,
+    arm: ArmModel,
     failures: int | FailureModel = 1,
     encoding: str = "",
     maximise: Goal = "worst",
@@ -191,7 +191,7 @@ def build(
 
 
 def check(
-    arm: ColumnModel,
+    arm: ArmModel,
     failures: int | FailureModel = 1,
     encoding: str = "",
     maximise: str = "worst",
@@ -258,20 +258,20 @@ def count_of(failures: int | FailureModel) -> int:
     return whole_number("failures", failures, 1)
 
 
-def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:
+def bound(arm: ArmModel, failures: int = 1) -> Bound | None:
     """Return what no worst case of the arm is above; see `Formulation`."""
     return largest_worst_case(arm, failures) if isinstance(arm, Arm) else None
 
 
 def sampler(
-    arm: ColumnModel, from_residual_minima: bool = False, **_: object
+    arm: ArmModel, from_residual_minima: bool = False, **_: object
 ) -> Callable[[np.random.Generator], FloatArray]:
     """Return what draws starts: at random, or residual minima reached from there."""
     return partial(residual.minimum, arm) if from_residual_minima else arm.sample
 
 
 def _defect_limit(
-    arm: ColumnModel, variables: ca.SX, largest_defect: float
+    arm: ArmModel, variables: ca.SX, largest_defect: float
 ) -> tuple[Constraint, ...]:
     """Return the constraint ½‖JJᵀ − (T/m)I‖_F² ≤ ε, or none where ε is infinite.
 
@@ -285,7 +285,7 @@ def _defect_limit(
 
 
 def attained_score(
-    arm: ColumnModel, failures: FailureModel, maximise: Goal = "worst", enough: float = np.inf
+    arm: ArmModel, failures: FailureModel, maximise: Goal = "worst", enough: float = np.inf
 ) -> float:
     """Return the best score of configurations drawn at random, or the first above `enough`.
 

@@ -18,7 +18,7 @@ import cloudpickle
 
 from lockedjoint.formulations import condition, isotropy, manipulability, max_min, residual
 from lockedjoint.formulations.bounds.certified import Bound
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.nlp.arrays import whole_number
 from lockedjoint.nlp.errors import FileError, InputError
 from lockedjoint.nlp.problem import Problem, Sense
@@ -72,8 +72,9 @@ class Formulation(Protocol):
 
 # The names of `Formulation`.
 _PARTS = ("NAME", "SENSE", "SETTINGS", "build", "score", "bound")
+# A new formulation of ours is listed here. Those of `compare` are listed in `comparison.cases`.
 _OURS: tuple[Formulation, ...] = (residual, max_min, isotropy, manipulability, condition)
-#: The formulations that are known in this process, by name: here a new one of ours is listed.
+#: The formulations that are known in this process, by name.
 FORMULATIONS: dict[str, Formulation] = {module.NAME: module for module in _OURS}
 
 
@@ -167,7 +168,7 @@ def formulation_of(name: str | Formulation) -> Formulation:
     return FORMULATIONS[name]
 
 
-def bound(formulation: str | Formulation, arm: ColumnModel, failures: int = 1) -> Bound:
+def bound(formulation: str | Formulation, arm: ArmModel, failures: int = 1) -> Bound:
     """Return the best bound known on a formulation's score of any Jacobian of an arm.
 
     Parameters

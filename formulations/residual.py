@@ -28,7 +28,7 @@ from lockedjoint.formulations import measures
 from lockedjoint.formulations.bounds.certified import Bound, least_residual
 from lockedjoint.formulations.encodings.columns import Columns, gauss_newton, second
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.formulations.joints.models import is_unit_revolute
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, one_of
@@ -80,13 +80,13 @@ _JOINTS_WITH_ZERO_RESIDUAL = 8
 _DIAGONAL_WEIGHTS: Mapping[str, float] = MappingProxyType({"invariant": 0.5, "paper": 1.0})
 #: Where the isotropy equations come from: a function of the arm and its variables that returns
 #: the column of the m(m + 1)/2 equations, those of the diagonal first.
-ROWS: Mapping[str, Callable[[ColumnModel, ca.SX], ca.SX]] = MappingProxyType(
+ROWS: Mapping[str, Callable[[ArmModel, ca.SX], ca.SX]] = MappingProxyType(
     {"derived": equations.residuals, "appendix": equations.appendix_residuals}
 )
 
 
 def build(
-    arm: ColumnModel,
+    arm: ArmModel,
     weighting: str = "invariant",
     rows: str = "derived",
     hessian: str | None = None,
@@ -163,23 +163,23 @@ def score(jacobian: FloatArray) -> float:
     return measures.isotropy_defect(jacobian)
 
 
-def bound(arm: ColumnModel, failures: int = 1) -> Bound | None:  # noqa: ARG001
+def bound(arm: ArmModel, failures: int = 1) -> Bound | None:  # noqa: ARG001
     """Return what no residual of the arm is below; see `Formulation`."""
     return least_residual(arm) if isinstance(arm, Arm) else None
 
 
-def minimum(arm: ColumnModel, rng: np.random.Generator) -> FloatArray:
+def minimum(arm: ArmModel, rng: np.random.Generator) -> FloatArray:
     """Return the vector of variables at the minimum reached from one drawn at random."""
     return _solver(arm).solve(arm.sample(rng)).variables
 
 
 @lru_cache(maxsize=4)
-def _solver(arm: ColumnModel) -> Solver:
+def _solver(arm: ArmModel) -> Solver:
     """Return the solver of an arm's problem: building it takes longer than one solution."""
     return Solver(build(arm))
 
 
-def first_stage(arm: ColumnModel) -> Stage:
+def first_stage(arm: ArmModel) -> Stage:
     """Return a few steps to the minimum, as the first stage of max-min.
 
     Where they end at an isotropic J with columns of equal norm, which attains eq. (6), they are

@@ -41,7 +41,8 @@ class Call(Protocol):
     Attributes
     ----------
     needs_values
-        Whether it never ends from a start at which the problem's functions have no values.
+        Whether it runs for ever from a start at which a function of the problem is NaN. Such
+        a start is then refused before the call.
     """
 
     needs_values: bool

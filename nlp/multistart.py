@@ -180,6 +180,7 @@ def _dispatched(
     size = min(CHUNK, -(-len(indices) // workers))
     firsts = range(0, len(indices), size)
     chunks = (Chunk(payload, seed, indices[k : k + size]) for k in firsts)
+    # Number of chunks that the executor of a caller gets at once; if None, it is asked.
     capacity = workers if executor is not None and workers > 1 else None
     with ExitStack() as opened:
         if executor is None:

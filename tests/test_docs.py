@@ -1,9 +1,13 @@
 """What stands on the site's pages is true: cells run elsewhere, commands and names exist."""
 
+import csv
 import re
 import runpy
 import shlex
+import tomllib
+from collections import Counter
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -57,6 +61,22 @@ def calls(page):
     return found
 
 
+def check_options(command, words):
+    """Assert that a command, or its inner command, has each option among the words."""
+    named = COMMANDS[command]
+    known = options_of(named)
+    for word in words:
+        if word in getattr(named, "commands", {}):
+            named = named.commands[word]
+            known = options_of(named)
+        elif re.match(r"\[?--[a-z]", word):
+            assert word.strip("[]").partition("=")[0] in known, (command, word)
+
+
+def options_of(named):
+    return {option for one in named.params for option in one.opts} | {"--help"}
+
+
 @pytest.mark.parametrize("page", [p for p in PAGES if calls(p)], ids=name)
 def test_every_command_and_option_exists(page):
     for command, *words in calls(page):
@@ -65,13 +85,25 @@ def test_every_command_and_option_exists(page):
             if command != "--plugin":
                 continue
             _, command, *words = words
-        named = COMMANDS[command]
-        if words and words[0] in getattr(named, "commands", {}):
-            named = named.commands[words[0]]
-        known = {option for one in named.params for option in one.opts}
-        for word in words:
-            if re.match(r"\[?--[a-z]", word):
-                assert word.strip("[]").partition("=")[0] in known | {"--help"}, (command, word)
+        check_options(command, words)
+
+
+# Code within a line or two of text.
+INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
+FENCED = re.compile(r"^ *```.*?^ *```$", re.MULTILINE | re.DOTALL)
+
+
+def calls_in_text(page):
+    """Return the words of what the text of a page names that begins with a command."""
+    text = FENCED.sub("", page.read_text("utf-8"))
+    found = [words.removeprefix("lockedjoint ").split() for words in INLINE.findall(text)]
+    return [words for words in found if words and words[0] in COMMANDS]
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if calls_in_text(p)], ids=name)
+def test_options_in_the_text_are_those_of_the_command_before_them(page):
+    for command, *words in calls_in_text(page):
+        check_options(command, words)
 
 
 def every_option():
@@ -127,6 +159,42 @@ def test_a_page_says_what_every_column_of_compare_means():
 def test_a_page_names_every_encoding(page):
     text = (DOCS / page).read_text("utf-8")
     assert all(f"`{one}`" in text for one in (*max_min.WITHOUT_FACTORS, *ENCODINGS))
+
+
+def test_the_page_on_proofs_counts_what_the_atlas_has():
+    text = (DOCS / "atlas_proofs.md").read_text("utf-8")
+    with (ROOT / "results/atlas/atlas.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    # The page's words for the kinds of the table, where they differ.
+    words = {"tight": "residual", "null-vector": "signs of the null vector"}
+    words["turned"] = "isotropic lever arms"
+    kinds = Counter(re.sub(r"^proved \((.*)\)$", r"\1", row["kind"]) for row in rows)
+    table = text.partition("| known by |")[2]
+    shown = re.findall(r"^\| ([a-z, -]+) \| (\d+)", table, re.MULTILINE)
+    assert dict(shown) == {words.get(kind, kind): str(count) for kind, count in kinds.items()}
+    isolated = sum(row["family"] == "0" for row in rows)
+    proved = sum(row["locally_optimal"] == "True" for row in rows)
+    assert f"Of {isolated} isolated entries {proved} are proved" in text
+    assert f"The other {isolated - proved} are not proved" in text
+
+
+def test_rooms_are_listed_in_the_order_of_the_contracts():
+    """A room imports only from rooms further down in its list."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    contracts = project["tool"]["importlinter"]["contracts"]
+    for storey in ("lockedjoint", "formulations"):
+        table = text.partition(f"| room of `{storey}/` |")[2].partition("\n\n")[0]
+        cells = re.findall(r"^\| (`.*?`) \|", table, re.MULTILINE)
+        listed = [re.findall(r"`(\w+)", cell) for cell in cells]
+        place = {room: k for k, rooms in enumerate(listed) for room in rooms}
+        whole = "lockedjoint" if storey == "lockedjoint" else f"lockedjoint.{storey}"
+        [layers] = [one["layers"] for one in contracts if one.get("containers") == [whole]]
+        order = [[place[room] for room in one.split(" : ") if room in place] for one in layers]
+        order = [places for places in order if places]
+        assert sum(map(len, order)) == len(place)
+        for above, below in pairwise(order):
+            assert max(above) < min(below)
 
 
 @pytest.fixture(scope="module")

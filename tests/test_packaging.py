@@ -176,6 +176,7 @@ def test_the_version_is_the_same_everywhere():
     assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [__version__]
     cite = (ROOT / "docs/cite.md").read_text(encoding="utf-8")
     assert re.findall(r"version = \{(.*)\}", cite) == [__version__]
+    assert re.findall(r"lockedjoint (\d+\.\d+\.\d+)", cite) == [__version__] * 2
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert re.findall(r"^## \[(.*)\]", changes, re.MULTILINE)[0] in ("Unreleased", __version__)
     with (ROOT / "pyproject.toml").open("rb") as file:

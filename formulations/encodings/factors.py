@@ -26,8 +26,8 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Constraint
 
 # Least eigenvalue of the matrix whose factor is a start, in percent of its largest one in
-# absolute value. At 0 the factor would be singular. Starts that are on record have 0.1 rounded
-# like this.
+# absolute value. At 0 the factor would be singular. It is 0.1 and an error of rounding, so that
+# starts that are on record stay the same bit for bit.
 _LEAST_PERCENT = 1.0 - 0.9
 # The same eigenvalue is at least this. Entries of A are of the order of 1.
 _LEAST_EIGENVALUE = 1e-4

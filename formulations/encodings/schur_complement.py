@@ -27,7 +27,7 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.formulations.encodings.columns import Columns, inverse, second
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.options import OptionValue
 from lockedjoint.nlp.problem import Constraint, Derivatives, Evaluation, Problem, Stage
@@ -45,7 +45,7 @@ _SHIFT = 1e-4
 FATROP_OPTIONS: Mapping[str, OptionValue] = MappingProxyType({"tol": 1e-6})
 
 
-def build(arm: ColumnModel, first: Stage | None, options: Mapping[str, OptionValue]) -> Problem:
+def build(arm: ArmModel, first: Stage | None, options: Mapping[str, OptionValue]) -> Problem:
     """State the problem for an arm, with the output ``jacobian``.
 
     `first` is the stage that makes the residual small, None for a single stage; `options` are

@@ -71,9 +71,10 @@ class Rewriting:
         The polynomial is Σ quotient · multiple + remainder. A free class is one that neither a
         rule nor a relation eliminates.
         """
-        quotients, remainder = _eliminated(
+        subtracted, remainder = _eliminated(
             substituted(polynomial, self.rewritten), self.relations
         )
+        quotients = combined(subtracted)
         used = [(-value, self.averaged[multiple]) for multiple, value in quotients.items()]
         rest = combined([(1, polynomial), (-1, remainder), *used])
         direct: dict[Multiple, Fraction] = {}
@@ -102,20 +103,21 @@ def rewriting(frame: Frame, order: int) -> Rewriting:
         rewritten[graph] = substituted(solved_for(graph, averaged[multiple]), rewritten)
     relations: dict[Monomial, Relation] = {}
     for multiple, polynomial in averaged.items():
-        quotients, rest = _eliminated(substituted(polynomial, rewritten), relations)
+        subtracted, rest = _eliminated(substituted(polynomial, rewritten), relations)
         if rest:
-            scale = 1 / rest[_leading(rest)]
-            origin = combined([(scale, {multiple: Fraction(1)}), (-scale, quotients)])
+            scale, own = 1 / rest[_leading(rest)], {multiple: Fraction(1)}
+            origin = combined([(scale, own), (-scale, combined(subtracted))])
             relations[_leading(rest)] = combined([(scale, rest)]), origin
     return Rewriting(averaged, rules, rewritten, relations)
 
 
 def _eliminated(
     polynomial: Polynomial, relations: Mapping[Monomial, Relation]
-) -> tuple[Combination, Polynomial]:
+) -> tuple[list[tuple[Fraction, Combination]], Polynomial]:
     """Subtract relations from a polynomial in irreducible classes, largest class first.
 
-    Return the combination of multiples that was subtracted, and what is left.
+    Return the factor and the combination of multiples of each relation that was subtracted,
+    and what is left.
     """
     used: list[tuple[Fraction, Combination]] = []
     remainder = polynomial
@@ -124,7 +126,7 @@ def _eliminated(
         factor, (relation, origin) = remainder[graph], relations[graph]
         used.append((factor, origin))
         remainder = combined([(1, remainder), (-factor, relation)])
-    return combined(used), remainder
+    return used, remainder
 
 
 def _leading(polynomial: Polynomial) -> Monomial:

@@ -168,7 +168,8 @@ def collected(terms: Iterable[tuple[Key, Fraction]]) -> dict[Key, Fraction]:
     """Add up terms and drop those that cancel."""
     total: dict[Key, Fraction] = {}
     for key, coefficient in terms:
-        total[key] = total.get(key, Fraction(0)) + coefficient
+        # Most keys occur once, and a sum of fractions takes long.
+        total[key] = total[key] + coefficient if key in total else coefficient
     return {key: value for key, value in total.items() if value}
 
 
@@ -177,7 +178,9 @@ def combined(
 ) -> dict[Key, Fraction]:
     """Return the linear combination Σ factor · part, e.g. of polynomials."""
     return collected(
-        (key, factor * value) for factor, part in parts for key, value in part.items()
+        (key, value if factor == 1 else factor * value)
+        for factor, part in parts
+        for key, value in part.items()
     )
 
 
@@ -189,11 +192,10 @@ def solved_for(monomial: Monomial, polynomial: Polynomial) -> Polynomial:
 
 def substituted(polynomial: Polynomial, values: Mapping[Monomial, Polynomial]) -> Polynomial:
     """Replace the monomials that have values, until none of them occurs."""
-    while polynomial.keys() & values.keys():
-        polynomial = combined(
-            (value, values.get(monomial, {monomial: Fraction(1)}))
-            for monomial, value in polynomial.items()
-        )
+    while replaced := polynomial.keys() & values.keys():
+        kept = {m: value for m, value in polynomial.items() if m not in replaced}
+        others = [(polynomial[m], values[m]) for m in polynomial if m in replaced]
+        polynomial = combined([(1, kept), *others])
     return polynomial
 
 

@@ -104,16 +104,17 @@ def _added(terms: Iterable[tuple[Factors, Fraction]]) -> dict[Factors, Fraction]
     total: dict[Factors, Fraction] = {}
     for (w, wbar), value in terms:
         factors = _ascending(w), _ascending(wbar)
-        total[factors] = total.get(factors, Fraction(0)) + value
+        total[factors] = total[factors] + value if factors in total else value
     return total
 
 
 def _expanded_square(square: Square) -> Iterator[tuple[Factors, Fraction]]:
     """Expand weight · p · conj(p); the products a·conj(b) and b·conj(a) have one real part."""
     for place, a in enumerate(square.terms):
+        once = square.weight * a.coefficient
+        twice = 2 * once
         for before, b in enumerate(square.terms[: place + 1]):
-            multiplicity = 1 if before == place else 2
-            value = multiplicity * square.weight * a.coefficient * b.coefficient
+            value = (once if before == place else twice) * b.coefficient
             yield (a.w + b.wbar, a.wbar + b.w), value
 
 

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lockedjoint.formulations.joints.joint import TOLERANCE, ColumnModel, Joint, NotInModelError
+from lockedjoint.formulations.joints.joint import TOLERANCE, ArmModel, Joint, NotInModelError
 from lockedjoint.nlp.arrays import FloatArray, as_floats, finite_vector, whole_number
 from lockedjoint.nlp.errors import InputError, entries_of, of_kind
 from lockedjoint.nlp.problem import Constraint, Evaluation
@@ -30,7 +30,7 @@ _MOST_JOINTS = 10_000
 
 
 @dataclass(frozen=True, repr=False)
-class Arm(ColumnModel):
+class Arm(ArmModel):
     """A manipulator: one kind of joint for each column of its Jacobian.
 
     Parameters

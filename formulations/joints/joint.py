@@ -1,6 +1,6 @@
 """What a formulation needs to know of an arm, and an arm of a joint, to state columns of J.
 
-`lockedjoint.formulations.joints.arm.Arm` is one `ColumnModel`: joints to be designed, each with
+`lockedjoint.formulations.joints.arm.Arm` is one `ArmModel`: joints to be designed, each with
 parameters of its own. `lockedjoint.kinematics.robot_arm.RobotArm` is another: a robot that
 exists, with joint angles as variables. The formulations are stated for any of them.
 
@@ -54,7 +54,7 @@ class NotInModelError(InputError):
     """
 
 
-class ColumnModel(Protocol):
+class ArmModel(Protocol):
     """Columns of a Jacobian as functions of variables; frozen and hashable.
 
     What inherits from it has variables without bounds unless it says otherwise.
@@ -113,7 +113,7 @@ class ColumnModel(Protocol):
 
 
 @lru_cache(maxsize=64)
-def _jacobian_function(model: ColumnModel) -> ca.Function:
+def _jacobian_function(model: ArmModel) -> ca.Function:
     """Return the numeric function from variables to J, made once for each model."""
     variables = model.symbols()
     return ca.Function("jacobian", [variables], [model.matrix(variables)])
@@ -209,7 +209,7 @@ def outside(column: FloatArray, allowed: str) -> NotInModelError:
     return NotInModelError("column", shown, allowed)
 
 
-def check(arm: ColumnModel, failures: int = 1) -> Mapping[str, object]:
+def check(arm: ArmModel, failures: int = 1) -> Mapping[str, object]:
     """Return the settings of a statement that has only this one.
 
     Raises

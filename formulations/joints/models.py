@@ -15,7 +15,7 @@ from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.joints.joint import (
     MOST_JOINTS,
     MOST_VARIABLES,
-    ColumnModel,
+    ArmModel,
     Joint,
 )
 from lockedjoint.formulations.joints.kinds import (
@@ -210,7 +210,7 @@ def _kind(name: str) -> Callable[[int], Joint]:
     return MODELS[name]
 
 
-def is_unit_revolute(arm: ColumnModel) -> bool:
+def is_unit_revolute(arm: ArmModel) -> bool:
     """Whether all joints are unit revolute ones to be designed."""
     return isinstance(arm, Arm) and set(arm.joints) == {UnitRevolute()}
 

@@ -23,6 +23,8 @@ from lockedjoint.nlp.errors import FileError, InputError, as_path, printable
 Named = tuple[str, FloatArray]
 #: A reader makes matrices, each with a name, of a file's path and content.
 Reader = Callable[[Path, bytes], list[tuple[str, npt.ArrayLike]]]
+# Number of columns up to which a first row 0, 1 or 1, 2 is taken for one of J.
+_FEW_COLUMNS = 2
 #: How the name of a Jacobian ends that a solver returned, and that is no answer.
 NO_ANSWER = ": no answer"
 
@@ -34,7 +36,8 @@ def read_jacobians(path: Path | str) -> list[Named]:
     ----------
     path
         ``.csv``, ``.tsv`` or ``.txt`` (one row of J per line, numbers separated by commas,
-        semicolons, tabs or blanks; a header line and comments after ``#`` are left out),
+        semicolons, tabs or blanks; comments after ``#`` are left out, and so is a header line,
+        which has no number at all),
         ``.npy``, ``.npz`` (one Jacobian an array, by its name), or ``.json`` (rows; an object
         with the key ``jacobian``; or a list of such objects). After ``#`` may stand the number
         of the only one that is wanted, counted from 0: ``jacobians.json#2``.
@@ -136,7 +139,13 @@ def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
         if len(row) < len(cells):
             cell = cells[values.index(None)]
             allowed = "a number; decimals have a point, or a comma where ; separates"
+            allowed += "; a header has no number, and rows have no names"
             raise InputError(f"line {number} of {path}", cell or "an empty cell", allowed)
+        if not rows and _counts_columns(cells):
+            allowed = (
+                "a row of J; put # before the numbers of columns, or write 0.0 for a 0 of J"
+            )
+            raise InputError(f"line {number} of {path}", ", ".join(cells), allowed)
         if rows and row and len(row) != len(rows[0]):
             allowed = f"{len(rows[0])}, as in the rows before"
             raise InputError(
@@ -153,6 +162,12 @@ def _cells(line: str) -> list[str]:
     if ";" in line:
         return [cell.strip().replace(",", ".") for cell in line.split(";")]
     return [cell.strip() for cell in line.split(",")] if "," in line else line.split()
+
+
+def _counts_columns(cells: list[str]) -> bool:
+    """Whether a line reads 0, 1, 2, … or 1, 2, 3, …, as tables number their columns."""
+    numbered_from = (list(map(str, range(first, first + len(cells)))) for first in (0, 1))
+    return len(cells) > _FEW_COLUMNS and cells in numbered_from
 
 
 def _value(cell: str) -> float | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.formulations.joints.models import model_of
 from lockedjoint.formulations.registry import Formulation, check_formulation
 from lockedjoint.nlp.arrays import FloatArray
@@ -54,7 +54,7 @@ class Case(Brief):
     """
 
     formulation: Formulation
-    arm: ColumnModel
+    arm: ArmModel
     settings: Mapping[str, Any] = field(default_factory=dict)
     variant: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)

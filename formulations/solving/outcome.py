@@ -21,7 +21,7 @@ from lockedjoint.formulations.bounds.certified import NONE_EXISTS
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.formulations.io.table import written
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.formulations.measures.canonical import group_equivalent
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import FEASIBLE, INFEASIBLE, Status
@@ -197,7 +197,7 @@ class Outcome:
     complete: bool
 
     @property
-    def arm(self) -> ColumnModel:
+    def arm(self) -> ArmModel:
         """The joints."""
         return self.case.arm
 

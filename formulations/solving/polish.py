@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from lockedjoint.formulations import measures
-from lockedjoint.formulations.joints.joint import ColumnModel
+from lockedjoint.formulations.joints.joint import ArmModel
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.problem import Evaluation
 
@@ -26,7 +26,7 @@ _OPTIONS = {"ftol": 1e-12, "maxiter": 200}
 
 
 def polish(
-    arm: ColumnModel,
+    arm: ArmModel,
     point: FloatArray,
     failures: int = 1,
     scaled: bool = False,
@@ -114,7 +114,7 @@ def polish(
 
 
 @lru_cache(maxsize=4)
-def _with_slopes(arm: ColumnModel) -> Evaluation:
+def _with_slopes(arm: ArmModel) -> Evaluation:
     """Return what evaluates J, shape (m, n), and ∂vec(J)/∂x, shape (mn, size)."""
     variables = arm.symbols()
     matrix = arm.matrix(variables)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lockedjoint.formulations import registry
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import ColumnModel, Joint
+from lockedjoint.formulations.joints.joint import ArmModel, Joint
 from lockedjoint.formulations.registry import Formulation
 from lockedjoint.formulations.solving.case import Case
 from lockedjoint.formulations.solving.outcome import Outcome, PolishMethod, judge
@@ -29,7 +29,7 @@ _TASK_DIMENSIONS = 6
 
 def solve(
     formulation: str | Formulation = "max-min",
-    arm: str | ColumnModel | Sequence[Joint] = "unit-revolute",
+    arm: str | ArmModel | Sequence[Joint] = "unit-revolute",
     joints: int | None = None,
     task_dimension: int | None = None,
     *,
@@ -51,7 +51,7 @@ def solve(
         ``"residual"``, ``"max-min"``, ``"isotropy"``, ``"manipulability"``, ``"condition"``,
         the name of one that was registered, or any object with the names of `Formulation`.
     arm
-        Any `ColumnModel`: an `Arm` of joints to be designed, or a `RobotArm`. Also a row of
+        Any `ArmModel`: an `Arm` of joints to be designed, or a `RobotArm`. Also a row of
         joints, or their kind by its name in `lockedjoint.formulations.joints.models`, or a mix
         such as ``"lever-revolute(length=0.3):6,prismatic:2"``.
     joints, task_dimension
@@ -118,10 +118,10 @@ def solve(
 
 
 def arm_of(
-    arm: str | ColumnModel | Sequence[Joint],
+    arm: str | ArmModel | Sequence[Joint],
     joints: int | None = None,
     task_dimension: int | None = None,
-) -> ColumnModel:
+) -> ArmModel:
     """Return the arm that an argument stands for; see `solve`."""
     if isinstance(arm, str):
         count = _JOINTS if joints is None and ":" not in arm else joints
@@ -137,7 +137,7 @@ def arm_of(
     for argument, given, own in (("joints", joints, n), ("task dimension", task_dimension, m)):
         if given is not None and whole_number(argument, given, 1) != own:
             raise InputError(argument, given, f"{own}, as the joints have, or none")
-    model: ColumnModel = built
+    model: ArmModel = built
     return model
 
 

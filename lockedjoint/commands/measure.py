@@ -43,8 +43,9 @@ def measure(
     Parameters
     ----------
     file
-        A Jacobian in CSV, NPY, NPZ or JSON, one column per joint, after # its number in a file
-        of several, counted from 0; or a robot: a URDF file, an MJCF file, a Denavit–Hartenberg
+        A Jacobian in CSV, TSV, TXT, NPY, NPZ or JSON, one column per joint, after # its number
+        in a file of several, counted from 0 (in text, a header line has no number, and rows
+        have no names); or a robot: a URDF file, an MJCF file, a Denavit–Hartenberg
         table in CSV, robot_descriptions:NAME, or example, an arm in the package.
     q
         Only robots have one; by default it is midway between the limits.

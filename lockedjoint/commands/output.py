@@ -7,6 +7,7 @@ that files brought.
 from __future__ import annotations
 
 import json
+import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -143,7 +144,7 @@ def chosen_columns(
     if _width(whole := _written(cells, heads, list(cells))) <= WIDTH:
         return whole
     first = next(iter(cells))
-    broken = ["\n".join(textwrap.wrap(text, _NARROW) or [""]) for text in cells[first]]
+    broken = [_broken(text) for text in cells[first]]
     cells = {**cells, first: broken}
     fitting: list[str] = []
     for name in cells:
@@ -155,6 +156,17 @@ def chosen_columns(
         return table
     more = textwrap.fill(f"Left out; --columns chooses: {', '.join(left)}.", WIDTH)
     return f"{table}\n\n{more}"
+
+
+def _broken(text: str) -> str:
+    """Return a text in lines of `_NARROW` characters; long names break after an underscore."""
+    lines: list[str] = []
+    for part in re.findall(r"[^_ ]*[_ ]*", text):
+        if lines and len(lines[-1] + part.rstrip()) <= _NARROW:
+            lines[-1] += part
+        elif part:
+            lines += textwrap.wrap(part, _NARROW, drop_whitespace=False)
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def _written(

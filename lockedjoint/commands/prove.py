@@ -97,9 +97,10 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     For nonexistence it expands the polynomials, and for existence it multiplies out the
     columns, in exact arithmetic. For a bound of `lockedjoint bound residual`, `max-min` or
     `isotropy` it evaluates the sums with all rounding errors bounded, in minutes. It shares no
-    code with what derives or solves, except, for a bound, the evaluation of Wigner functions.
-    Cubes of `prove-workspace` are proved again from their file alone, by the same test. Exit
-    status 0 if the proof holds, 1 if it does not, 2 if the file is unreadable.
+    code with what derives or solves. Only for a bound it shares the definitions: Wigner
+    functions, rows and conditions. Cubes of `prove-workspace` are proved again from their file
+    alone, by the same test. Exit status 0 if the proof holds, 1 if it does not, 2 if the file
+    is unreadable.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def stored(path: Path) -> list[dict[str, Any]]:
     with open_store(path) as store:
         records = frame(store, columns=[*_SHOWN[1:], "valid", "violation"])
     if records.empty:
-        raise FileError("--store", str(path), "a store with records")
+        raise FileError("store", str(path), "a store with records")
     named = differing(records, SETTINGS, _ALWAYS_NAMED, _ALWAYS_NAMED)
     labels = records[list(SETTINGS)].apply(_label, axis=1, named=named)
     counted = trusted(records) & np.isfinite(records["worst_case_sigma"])

@@ -203,7 +203,7 @@ class Chain(Brief):
             f" {LIMIT_TOLERANCE:g} rad or m apart, cannot move and have no column": [
                 f"{name} at {value:g}" for name, value in self.immobile
             ],
-            "Limits beyond two turns (±4π rad) may be degrees, but URDF has radians": wide,
+            "Limits beyond two turns (±4π) were taken for radians, and may be degrees": wide,
             "Limits that were given are beyond a turn (±2π rad) and the robot's own, and may be"
             " degrees": self.hardly_meant,
             "The file multiplies columns of J": [

@@ -35,12 +35,14 @@ class JointAxes:
         orientation = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
         shift = np.zeros((*shape[:-1], 3))
         directions, points = np.empty((*shape, 3)), np.empty((*shape, 3))
+        # Of all joints at once: one call of many operations in place of one for each joint.
+        turns = rotation(self.directions, np.where(self.prismatic, 0.0, displacements))
         for i in range(shape[-1]):
             axis, point = self.directions[..., i, :], self.points[..., i, :]
             prismatic, q = self.prismatic[..., i], displacements[..., i]
             here, away = _rotated(orientation, axis), _rotated(orientation, point)
             directions[..., i, :], points[..., i, :] = here, away + shift
-            orientation = orientation @ rotation(axis, np.where(prismatic, 0.0, q))
+            orientation = orientation @ turns[..., i, :, :]
             # A revolute joint leaves its own point where it is, a prismatic one shifts it.
             travel = np.where(prismatic, q, 0.0)[..., None] * here
             shift = points[..., i, :] - _rotated(orientation, point) + travel

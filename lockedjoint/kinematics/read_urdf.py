@@ -239,7 +239,10 @@ def xml_root(content: bytes) -> Element:
     except (expat.ExpatError, ValueError, LookupError) as error:  # the latter: of encodings
         if isinstance(error, InputError):
             raise
-        raise InputError("content", "not XML", f"well-formed XML ({error})") from None
+        allowed = f"well-formed XML ({error})"
+        if b"<" not in content:
+            allowed += "; the name of a file of numbers ends in .csv"
+        raise InputError("content", "not XML", allowed) from None
     return builder.close()
 
 

@@ -24,7 +24,7 @@ _HALF_TRAVEL_M = 1.0
 
 @dataclass(frozen=True)
 class RobotArm(ScaledChain):
-    """A chain of a robot, the task and the characteristic length: a `ColumnModel`.
+    """A chain of a robot, the task and the characteristic length: a `ArmModel`.
 
     Parameters
     ----------

@@ -121,8 +121,10 @@ def _check_columns(header: list[str], titles: Mapping[str, str], has_rows: bool)
     """Refuse columns that are unknown, there twice or missing, and a table without rows."""
     for column in header:
         if column not in ("joint", "kind", *titles.values()) or header.count(column) > 1:
-            allowed = "kind, a, d (or _mm), alpha_rad, theta_rad (or _deg), joint, "
-            allowed += ", ".join(f"{limit}_rad" for limit in _RANGES)
+            allowed = (
+                "kind, a, d (or _m, _cm, _mm), joint, and with _rad or _deg alpha, theta, "
+            )
+            allowed += ", ".join(_RANGES)
             raise InputError("column", column or "without a name", f"{allowed}, each once")
     missing = [name for name in ("kind", *_LENGTHS) if titles.get(name, name) not in header]
     if missing or not has_rows:
@@ -171,7 +173,8 @@ def _cell(
     except ValueError:
         value = math.nan
     if math.isnan(value) or (math.isinf(value) and if_empty is None):
-        raise InputError(f"{title} in row {row}", text or "empty", "a finite number")
+        allowed = "a finite number" if turns else "a finite number, in metres"
+        raise InputError(f"{title} in row {row}", text or "empty", allowed)
     if title.startswith(tuple(f"{length}_" for length in _LENGTHS)):
         return value * _METRES[title[1:]]
     return math.radians(value) if turns and title.endswith("_deg") else value

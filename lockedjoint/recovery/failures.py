@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
 
@@ -223,18 +223,18 @@ class Damage:
 
 def list_of(failures: object) -> list[Failure]:
     """Return failures as a list; a single one need not be in one."""
-    if isinstance(failures, Locked | ReducedRange | ReducedSpeed | FreeSwinging):
+    if isinstance(failures, Failure):
         return [failures]
     return entries_of("failures", failures, f"one of {_KINDS}, or a list of them")
 
 
 def _placed(failure: Failure, healthy: Chain, start: FloatArray | None) -> Failure:
-    """Return a failure that says where the joint has locked."""
+    """Return the failure with the position at which its joint has locked, if it locks."""
     if not isinstance(failure, Locked) or failure.at is not None:
         return failure
     if start is None:
         allowed = "a position, or a configuration that says where it stands"
-        raise InputError(f"joint {failure.joint}", "locked nobody says where", allowed)
+        raise InputError(f"joint {failure.joint}", "locked at an unknown position", allowed)
     return replace(failure, at=float(start[healthy.names.index(failure.joint)]))
 
 
@@ -272,7 +272,7 @@ def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
     """Refuse unknown joints, failures that contradict each other, and two joints that swing."""
     kinds_of: dict[str, set[type]] = {}
     for failure in failures:
-        of_kind("failure", failure, (Locked, ReducedRange, ReducedSpeed, FreeSwinging), _KINDS)
+        of_kind("failure", failure, get_args(Failure), _KINDS)
         of_kind("joint that fails", failure.joint, str, "the name of a joint")
         name, kind = failure.joint, type(failure)
         still = ", which cannot move" if name in dict(healthy.immobile) else ""

@@ -33,6 +33,8 @@ from lockedjoint.robots.robot_assessment import RobotAssessment, measure_robot
 
 # Comment that makes a table in CSV one of a robot: "# convention: …".
 _CONVENTION = re.compile(rb"^# *convention *:", re.MULTILINE | re.IGNORECASE)
+# Columns of every table of a robot, without their units.
+_DH_COLUMNS = {b"a", b"d", b"alpha", b"theta"}
 
 
 @overload
@@ -111,12 +113,23 @@ class Jacobians:
 def opened(path: Path) -> Jacobians | Description:
     """Read a file once: Jacobians, or the description of a robot.
 
-    A ``.csv`` file is a Denavit–Hartenberg table where a comment states its convention.
+    A ``.csv`` file is a Denavit–Hartenberg table if a comment states its convention, or if its
+    columns are those of one. A table without a convention is refused.
     """
     if not is_jacobian_file(path):
         return Description.read(path)
     path, number = with_number(path)
     content = read_bytes(path)
-    if path.suffix.lower() == ".csv" and _CONVENTION.search(content):
+    if path.suffix.lower() == ".csv" and _is_dh_table(content):
         return Description(tree_of_text(path, content), path, content)
     return Jacobians(path, numbered(jacobians_in(path, content), path, number))
+
+
+def _is_dh_table(content: bytes) -> bool:
+    """Whether a file in CSV is a table of a robot, by its comments or its columns' names."""
+    if _CONVENTION.search(content):
+        return True
+    lines = (line.strip() for line in content.lower().splitlines())
+    first = next((line for line in lines if line and not line.startswith(b"#")), b"")
+    columns = {cell.strip().partition(b"_")[0] for cell in first.split(b",")}
+    return columns >= _DH_COLUMNS

@@ -42,9 +42,9 @@ _STAGES = (100, 150, 200, 250, 300, 350, 400, 500, 600, 800, 1200, 1600, 2400, 3
 # Number of starts that are chosen before any is solved from, if the caller gives a number of
 # starts: it bounds the memory.
 _STARTS_AT_ONCE = 1600
-# Number of starts that have reached the best before the search may stop. N starts that ended at
-# w different optima then make it improbable, w(w + 1)/(N(N − 1)), below 0.25 %, that one more
-# start ends at an optimum that none has ended at.
+# Number of starts that have reached the best before the search may stop. An optimum that few
+# starts have reached may be one of many that are as hard to find, and some may be better. With
+# fewer the search stops sooner, and more often at a posture that is not the best.
 LEAST_REACHED = 10
 # Expected share of unseen optima up to which the search may stop. At twice as much one search
 # in six of an arm with nine joints misses the best of its fifteen optima.

@@ -33,6 +33,9 @@ _ROUNDING_SLICES = 1e-9
 _LEAST_SLICE_RAD = np.deg2rad(0.0999)
 # Inverse kinematics has at most so many random starts for a point: fewer miss more points.
 _MOST_STARTS = 24
+# Rounds of starts are made together as long as they have at most so many starts: about as many
+# take hardly longer than one. It changes no result.
+_STARTS_AT_ONCE = 2000
 
 
 class FailureSets(ABC):
@@ -108,19 +111,48 @@ class FailureSets(ABC):
         rng = np.random.default_rng(self.seed)
         reached = np.zeros(len(points), dtype=bool)
         near_enough = links_suffice(self.arm, points, lower, upper)
-        for _ in range(_MOST_STARTS):
+        done, together = 0, 1
+        while done < _MOST_STARTS:
             rest = np.flatnonzero(~reached)
-            if not near_enough[rest].any():
+            tried = rest[near_enough[rest]]
+            if not tried.size:
                 break
+            count = min(together, _MOST_STARTS - done, _STARTS_AT_ONCE // len(tried) or 1)
             # Starts are drawn for all points, so that they do not depend on which are tried.
-            start = rng.uniform(lower[rest], upper[rest])
-            start, tried = start[near_enough[rest]], rest[near_enough[rest]]
-            ends = opened(self.arm, lower[tried], upper[tried])
-            q, there = self._solved(points[tried], start, *ends)
-            if self.clearance is not None:
-                there[there] = self.clearance.is_kept(q[there].T)
-            reached[tried] = there
+            drawn, states = [], []
+            for _ in range(count):
+                start = rng.uniform(lower[rest], upper[rest])
+                drawn.append(start[near_enough[rest]])
+                states.append(rng.bit_generator.state)
+            there = self._reached_from(points, np.concatenate(drawn), tried, lower, upper)
+            # The rounds after one that reached a point would have had other starts.
+            rounds = there.reshape(count, len(tried))
+            found = np.flatnonzero(rounds.any(axis=1))
+            used = int(found[0]) + 1 if found.size else count
+            reached[tried] = rounds[used - 1]
+            rng.bit_generator.state = states[used - 1]
+            done += used
+            together = 1 if found.size else 2 * together
         return reached
+
+    def _reached_from(
+        self,
+        points: FloatArray,
+        start: FloatArray,
+        tried: IntArray,
+        lower: FloatArray,
+        upper: FloatArray,
+    ) -> Bits:
+        """Return which starts reach their points, (s·t,): s starts for each of t points.
+
+        `tried` are the numbers of the points, (t,); limits are those of all points, (k, n).
+        """
+        own = np.tile(tried, len(start) // len(tried))
+        ends = opened(self.arm, lower[own], upper[own])
+        q, there = self._solved(points[own], start, *ends)
+        if self.clearance is not None:
+            there[there] = self.clearance.is_kept(q[there].T)
+        return there
 
     def after(self, limits: Ranges) -> Bits:
         """Voxels that are reached after every failure within limits: values of `shape`."""

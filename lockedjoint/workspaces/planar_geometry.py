@@ -47,8 +47,11 @@ def covered_length(starts: FloatArray, ends: FloatArray) -> FloatArray:
 
     An empty interval starts after its end, or has an end that is NaN.
     """
-    empty = ~(starts < ends)
-    starts, ends = np.where(empty, np.inf, starts), np.where(empty, -np.inf, ends)
+    full = starts < ends
+    # Most rows are empty in all columns: without them there is less to sort.
+    rows = full.any(axis=1)
+    full, starts, ends = full[rows], starts[rows], ends[rows]
+    starts, ends = np.where(full, starts, np.inf), np.where(full, ends, -np.inf)
     order = np.argsort(starts, axis=0)
     starts, ends = (np.take_along_axis(side, order, axis=0) for side in (starts, ends))
     before = np.full_like(ends, -np.inf)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.joints.joint import ColumnModel, Joint
+from lockedjoint.formulations.joints.joint import ArmModel, Joint
 from lockedjoint.formulations.joints.kinds import FreeColumn, UnitRevolute
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
@@ -35,7 +35,7 @@ _IDENTITY_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class SymmetricArm(ColumnModel):
+class SymmetricArm(ArmModel):
     """Columns in orbits c, Gc, …, Gᵖ⁻¹c of a map G with Gᵖ = ±1, of joints of one kind.
 
     The worst case after a set of joints locks is that after the set that G makes of it. The

@@ -111,6 +111,7 @@ STUDY = study_of(
     page="README.md",
     tables={"bounds": BoundRow},
     takes="20 minutes, and 4 GB of memory",
+    long=True,
     settings={"of_quantity": of_quantity},
 )
 

@@ -59,7 +59,7 @@ _EXCLUSION = ("excluded", "scaled", "krylov", "spectrum", "spectral", *WITH_SIGN
 #: Keys that each quantity adds.
 ADDED = {"residual": (), "max-min": _EXCLUSION, "isotropy": ("turned", "aligned", "narrow")}
 # Fields of the file that are no sectors.
-_NUMBERS = ("quantity", "joints", "bound", "constant", "excluded", "spectrum")
+_PLAIN_FIELDS = ("quantity", "joints", "bound", "constant", "excluded", "spectrum")
 # Size below which an entry of L is written as 0, so that no product underflows: bounds on
 # rounding assume that.
 _SMALLEST = 1e-30
@@ -151,7 +151,7 @@ class BoundCertificate:
         names = FIELDS + ADDED[self.quantity]
         plain = {
             name: getattr(self, name)
-            if name in _NUMBERS
+            if name in _PLAIN_FIELDS
             else _plain_sectors(self.sums.get(name, ()))
             for name in names
         }

@@ -75,7 +75,9 @@ def _dimension(joints: int, degree: int, parities: Sequence[int]) -> int:
                 if charge == 0
             )
             # n! over this number is how many permutations have cycles of these lengths.
-            centraliser = prod(k**n * factorial(n) for k, n in Counter(lengths).items())
+            centraliser = prod(
+                length**count * factorial(count) for length, count in Counter(lengths).items()
+            )
             # The 2 is for the mean over both values of `conjugated`.
             total += Fraction(trivial, 2 * centraliser)
     if total.denominator != 1:

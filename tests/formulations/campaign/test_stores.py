@@ -83,7 +83,7 @@ def test_commands_name_a_damaged_record_and_go_on_without_it(study, tmp_path):
         assert f"1 damaged records, first start 1 of {cell}" in sentence
     assert not new.exists()
     with pytest.raises(StoreError, match="1 damaged records"):
-        stored(bad)  # of `figure optima --store`
+        stored(bad)  # of `figure optima STORE`
     statement = sentence[sentence.index("DELETE") : sentence.index(" takes them out")]
     with closing(sqlite3.connect(bad)) as database, database:
         database.execute(statement)

@@ -31,8 +31,9 @@ def left_hand_sides(w):
     }
 
 
-def evaluated(certificate, seed):
-    """Return the identity averaged over S₇ at a random matrix of Gaussian integers, exactly.
+@cache
+def matrices(seed):
+    """Return a random matrix of Gaussian integers in all orders of its joints, (7!, 7, 7).
 
     It violates every equation; all numbers are below 2⁵³, so that double precision is exact.
     """
@@ -40,23 +41,49 @@ def evaluated(certificate, seed):
     real, imaginary = (part + part.T for part in upper)
     w = real + 1j * imaginary
     assert all(left.all() for left in left_hand_sides(w).values())
-    permuted = w[ORDERS[:, :, None], ORDERS[:, None, :]]
+    return w[ORDERS[:, :, None], ORDERS[:, None, :]]
 
-    def monomial(term):
-        factors = [permuted[:, i, j] for i, j in term.w]
-        factors += [permuted[:, i, j].conj() for i, j in term.wbar]
-        return prod(factors, start=np.ones(len(ORDERS), dtype=complex))
 
-    equations, total = left_hand_sides(permuted), len(ORDERS) * certificate.constant
+@cache
+def equations(seed):
+    """Return the left-hand sides at these matrices."""
+    return left_hand_sides(matrices(seed))
+
+
+def monomial(w, wbar, seed):
+    """Return the values of a product of entries at these matrices, (7!,)."""
+    factors = [matrices(seed)[:, i, j] for i, j in w]
+    factors += [matrices(seed)[:, i, j].conj() for i, j in wbar]
+    return prod(factors, start=np.ones(len(ORDERS), dtype=complex))
+
+
+@cache
+def products(terms, seed):
+    """Return the sums over all orders of Re(t conj(u)) for the products t, u of a square."""
+    values = np.stack([monomial(w, wbar, seed) for w, wbar in terms])
+    return (values @ values.conj().T).real.astype(int).astype(object)
+
+
+@cache
+def multiple(kind, place, w, wbar, seed):
+    """Return the sum over all orders of seven times a multiple of an equation."""
+    left = equations(seed)[kind][:, place[0], place[-1]]
+    return int((monomial(w, wbar, seed) * left).real.sum())
+
+
+def evaluated(certificate, seed):
+    """Return the identity averaged over S₇ at a random matrix, exactly.
+
+    Products of entries are evaluated once for all certificates: most changes leave them.
+    """
+    total = len(ORDERS) * certificate.constant
     for square in certificate.squares:
         # Σ |p|² over all orders, from the real inner products of its terms.
-        values = np.stack([monomial(term) for term in square.terms])
-        products = (values @ values.conj().T).real.astype(int).astype(object)
+        between = products(tuple((term.w, term.wbar) for term in square.terms), seed)
         coefficients = np.array([term.coefficient for term in square.terms], dtype=object)
-        total += square.weight * (coefficients @ products @ coefficients)
+        total += square.weight * (coefficients @ between @ coefficients)
     for m in certificate.multipliers:
-        left = equations[m.kind][:, m.place[0], m.place[-1]]
-        total -= m.coefficient * int((monomial(m) * left).real.sum()) / 7
+        total -= m.coefficient * multiple(m.kind, m.place, m.w, m.wbar, seed) / 7
     return total
 
 

@@ -50,6 +50,23 @@ def test_samples_satisfy_the_arm_s_constraints(arm, seed):
         assert np.all(value <= np.asarray(block.upper) + 1e-12)
 
 
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+@given(seed=seeds)
+def test_columns_satisfy_what_their_kind_says_of_jjᵀ(kind, seed):
+    """A wrong condition or norm would make a bound wrong, and few Jacobians would show it."""
+    one = Arm.of(kind, kind.dimension + 2)
+    columns = one.jacobian(draw(one, seed)).T
+    norms = np.sum(columns**2, axis=1)
+    shared = getattr(kind, "budget", "each") == "mean"
+    largest = norms.mean() if shared else norms.max()
+    assert largest <= kind.largest_norm_squared + 1e-9
+    for condition in kind.gram_conditions:
+        values = np.einsum("ni,ij,nj->n", columns, np.array(condition.matrix), columns)
+        values = values.mean(keepdims=True) if condition.shared else values
+        assert np.all(values <= condition.limit + 1e-9), condition.name
+        assert not condition.equal or np.all(values >= condition.limit - 1e-9), condition.name
+
+
 def test_eq_21_as_printed():
     """Eq. (21) entry by entry, the zero that the scan lost restored."""
     alpha, beta, gamma = 0.3, -0.7, 1.9

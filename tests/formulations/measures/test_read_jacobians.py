@@ -36,6 +36,32 @@ def test_reads_every_digit(tmp_path, name, content):
     np.testing.assert_array_equal(matrix, MATRIX)
 
 
+@pytest.mark.parametrize("header", ["0,1,2,3", "1,2,3,4", "1; 2; 3; 4"])
+def test_numbers_of_columns_are_no_row(tmp_path, header):
+    """As pandas' `to_csv(index=False)` writes them; measured, they would be a row of J."""
+    (tmp_path / "a.csv").write_text(f"{header}\n{text(MATRIX)}")
+    with pytest.raises(
+        InputError, match=r"is [01], [12], .*put # before the numbers of columns"
+    ):
+        read_jacobians(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text(f"# {header}\n{text(MATRIX)}")
+    assert read_jacobians(tmp_path / "a.csv")[0][1].shape == MATRIX.shape
+
+
+@pytest.mark.parametrize("rows", ["0.0,1,2,3\n1,0,1,0", "1,0,1\n0,1,2", "0,1,3\n1,0,1"])
+def test_rows_that_only_look_like_numbers_of_columns_are_rows(tmp_path, rows):
+    (tmp_path / "a.csv").write_text(rows)
+    assert len(read_jacobians(tmp_path / "a.csv")[0][1]) == 2
+
+
+def test_a_refused_header_says_the_rule(tmp_path):
+    (tmp_path / "a.csv").write_text(f"q,1,2,3\n{text(MATRIX)}")
+    with pytest.raises(
+        InputError, match=r"allowed: .*a header has no number, and rows have no"
+    ):
+        read_jacobians(tmp_path / "a.csv")
+
+
 def test_reads_npy_and_lists_of_jacobians(tmp_path):
     np.save(tmp_path / "a.npy", MATRIX)
     np.testing.assert_array_equal(read_jacobians(tmp_path / "a.npy")[0][1], MATRIX)

@@ -2,12 +2,12 @@
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.spatial.transform import Rotation, Slerp
 
 from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.survival import survivors
@@ -30,8 +30,10 @@ class Continuation:
         _, poses, _ = path.sampled(PathSearch.samples, PathSearch.duration)
         self.poses = replace(poses, rows=self.arm.task.rows)
         self.positions, self.last = self.poses.positions, len(self.poses) - 1
-        turns = Rotation.from_matrix(self.poses.rotations)
-        self.turns = Slerp(np.arange(len(self.poses)), turns)
+        #: The turns of the tool between samples, as rotation vectors.
+        self.steps = [
+            pin.log3(one.T @ two) for one, two in pairwise(np.array(self.poses.rotations))
+        ]
         self.root = self.model.getFrameId(self.arm.chain.base)
 
     def off(self, q, s):
@@ -41,14 +43,15 @@ class Continuation:
         jacobian = pin.computeFrameJacobian(self.model, self.data, full, self.tip, world)
         pin.updateFramePlacements(self.model, self.data)
         base, tip = self.data.oMf[self.root], self.data.oMf[self.tip]
-        here = base.actInv(tip)
-        back = np.kron(np.eye(2), base.rotation.T)
+        here, back = base.actInv(tip), base.rotation.T
         k = min(int(s), self.last - 1)
         place = self.positions[k] + (s - k) * (self.positions[k + 1] - self.positions[k])
-        turn = self.turns(s) * Rotation.from_matrix(here.rotation).inv()
-        missing = np.concatenate([place - here.translation, turn.as_rotvec()])
+        turn = self.poses.rotations[k] @ pin.exp3((s - k) * self.steps[k])
+        turned = pin.log3(turn @ here.rotation.T)
+        missing = np.concatenate([place - here.translation, turned])
+        both = back @ jacobian[:3, columns], back @ jacobian[3:, columns]
         rows = self.arm.task.rows
-        return missing[rows], (back @ jacobian[:, columns])[rows]
+        return missing[rows], np.concatenate(both)[rows]
 
     def solved(self, q, s, free):
         """Newton from q, least motion, joints at limits held there; None if it is lost."""

@@ -47,6 +47,19 @@ def test_assess_shows_everything_that_was_asked_for(lockedjoint, robot, tmp_path
     assert f"and {15 - 12} failures" in done.stdout
 
 
+@pytest.mark.parametrize(
+    "columns", ["kind,a,d,alpha_rad,theta_rad", "A, D_mm,Alpha_deg,theta_deg"]
+)
+def test_a_table_without_a_convention_is_no_jacobian(lockedjoint, columns, tmp_path):
+    row = ",".join("0" for _ in columns.split(","))
+    (tmp_path / "arm.csv").write_text(f"# my arm\n{columns}\n{row}\n{row}\n")
+    done = lockedjoint.here("measure", "arm.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(
+        "Error: arm.csv: convention is missing; allowed: a line '# conv"
+    )
+
+
 def test_a_measure_loads_no_scipy(lockedjoint, robot):
     """It would take half of the time of the command."""
     lockedjoint.python(
@@ -72,7 +85,7 @@ def test_what_is_suspicious_is_a_note(lockedjoint, made, tmp_path):
         *notes, last = [*done.stderr.splitlines(), *[""] * (command != "posture")]
         assert ("may have been missed" in last) == (command == "posture")
         assert notes[0].endswith("cannot move and have no column: j3 at 0.5.")
-        assert notes[1].endswith("may be degrees, but URDF has radians: j1.")
+        assert notes[1].endswith("were taken for radians, and may be degrees: j1.")
         found = json.loads(done.stdout)
         assert [f"Note: {note}" for note in found["notes"]] == notes
         assert found["immobile"] == {"j3": 0.5}

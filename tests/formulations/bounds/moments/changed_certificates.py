@@ -5,17 +5,22 @@ from base64 import b64decode, b64encode
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.moments import verification
+from lockedjoint.formulations.bounds.moments import certificate_reader, verification
 from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
+from lockedjoint.formulations.bounds.moments.sampled_blocks import BlockFamily
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import FileError
 
 
 def evaluate_once(patch):
-    """Let the verifier make one basis for all files, and evaluate each sum once."""
+    """Let the verifier make one basis for all files, and read and evaluate each sum once.
+
+    The values of rows depend on the sector and the points alone: changed sums share them.
+    """
     made = {}
     basis, evaluated = verification.invariant_basis, verification._sector_sum
+    read, values = certificate_reader._sector, BlockFamily.plain_values
 
     def kept(key, make):
         if key not in made:
@@ -33,6 +38,17 @@ def evaluate_once(patch):
         arguments = certificate, rotations, number, name, squares
         return number, kept(key, lambda: evaluated(*arguments)[1])
 
+    def sector(part, joints, name):
+        key = "read", json.dumps(part.value), joints, name
+        return kept(key, lambda: read(part, joints, name))
+
+    def rows(family, wigner, order):
+        points = b"".join(one.tobytes() for one in wigner)
+        key = "rows", family.sector, family.joints, tuple(order), points
+        return kept(key, lambda: values(family, wigner, order))
+
+    patch.setattr(certificate_reader, "_sector", sector)
+    patch.setattr(BlockFamily, "plain_values", rows)
     patch.setattr(verification, "invariant_basis", once)
     patch.setattr(verification, "_sector_sum", sums)
 

@@ -68,12 +68,12 @@ def test_sums_of_other_sizes_are_rejected(part, document, tmp_path):
     rng = np.random.default_rng(PARTS.index(part))
     rejected = 0
     for factor in (0.0, 0.5, 1.5, 10.0, 1e4):
-        changed = deepcopy(document)
+        changed = document | {part: deepcopy(document[part])}
         for block in blocks_of(changed, part):
             change_factor(block, lambda matrix, factor=factor: factor * matrix)
         rejected += refuses(tmp_path, changed)
     for _ in range(10):
-        changed = deepcopy(document)
+        changed = document | {part: deepcopy(document[part])}
         blocks = blocks_of(changed, part)
         if blocks:
             change_factor(blocks[rng.integers(len(blocks))], lambda matrix: 1e4 * matrix)
