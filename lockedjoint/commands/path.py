@@ -43,9 +43,6 @@ _PATH_FILES = ("path.csv", "path.json")
 _PICTURE_FILE = "path.svg"
 # File that says how to go on after each failure that is survived.
 _RECOVERIES_FILE = "recoveries.npz"
-# Distance from a whole number up to which the place of a sample is a waypoint: places on the
-# path count waypoints, and this is rounding.
-_PLACE_TOLERANCE = 1e-9
 # Distance of the timed tool from the path above which a note names remedies.
 _LARGE_OFF_PATH_M = 1e-3
 # Rows of the task that are the tool's position along x, y and z.
@@ -128,7 +125,8 @@ def path(
     plan = plan_path(arm, tool_path, path_search, robot.apart, limits)
     if standing is not None:
         plan = with_approach(plan, robot, *standing, path_search.seed, limits)
-    plain = {"robot": chain.robot, "tip": chain.tip, "seed": path_search.seed, **plan.to_dict()}
+    plain: dict[str, Any] = {"robot": chain.robot, "base": chain.base, "tip": chain.tip}
+    plain |= {"locked": dict(chain.locked_at), "seed": path_search.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
     notes = (*chain.notes, *tool_path.notes)
     notes += () if plan.approach is None else plan.approach.notes
@@ -251,20 +249,21 @@ def _timed(
     `has_position` says whether the task has the tool's whole position: then the distance from
     the path is measured, too.
     """
+    import numpy as np
+
     from lockedjoint.paths.timing import joined, timed
+    from lockedjoint.paths.waypoints import at_waypoints
 
     stops = []
     if timing.corners == "stop":
-        stops = [
-            sample
-            for sample, place in enumerate(plan.places)
-            if abs(place - round(place)) < _PLACE_TOLERANCE
-        ]
+        stops = at_waypoints(plan.places).tolist()
     positions = plan.poses.positions if has_position else None
-    on_path = timed(chain, plan.planned.configurations, limits, stops, timing.step, positions)
+    q, step = plan.planned.configurations, timing.step
+    on_path = timed(chain, q, limits, stops, step, positions, plan.places)
     if plan.approach is None or len(plan.approach.configurations) == 1:
         return on_path
     corners = plan.approach.configurations
-    approach = timed(chain, corners, limits, range(len(corners)), timing.step)
+    every, before = range(len(corners)), np.full(len(corners), plan.places[0])
+    approach = timed(chain, corners, limits, every, step, places=before)
     both = joined([approach, on_path])
     return replace(both, off_path=on_path.off_path, begins=approach.duration)

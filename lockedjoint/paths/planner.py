@@ -41,7 +41,7 @@ from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.paths.self_motion_map import SelfMotionMap
 from lockedjoint.paths.survival import on_path, survivors
-from lockedjoint.paths.waypoints import ToolPath, place_name
+from lockedjoint.paths.waypoints import ToolPath, at_waypoints, place_name
 
 # Inverse kinematics has so many random starts at each waypoint.
 _WAYPOINT_STARTS = 30
@@ -75,8 +75,6 @@ _LARGEST_PUSH_M_OR_RAD = 0.3
 _STARTS_PER_TRACK = 6
 # At each sample half of the tracks go this share of the way to the middle of joints' ranges.
 _CENTRE_SHARE = 0.05
-# A place is a waypoint if it differs from a whole number by less: rounding.
-_WAYPOINT_ROUNDING = 1e-9
 # A node is at a configuration if no joint differs by more: rounding.
 _SAME_M_OR_RAD = 1e-9
 # Squared lengths are at least this, so that samples at one place are not divided by 0.
@@ -200,9 +198,7 @@ class Planner:
 
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
-        waypoints = np.flatnonzero(
-            np.abs(self.places - np.round(self.places)) < _WAYPOINT_ROUNDING
-        )
+        waypoints = at_waypoints(self.places)
         reached, _ = self._on_path(np.repeat(waypoints, _WAYPOINT_STARTS))
         for sample in np.setdiff1d(waypoints, reached).tolist():
             self._reachable(sample)
