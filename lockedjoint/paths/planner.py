@@ -36,6 +36,7 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.following import follow
+from lockedjoint.paths.nearest_pose import nearest_pose
 from lockedjoint.paths.nodes import Nodes
 from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan, Trajectory
@@ -220,8 +221,13 @@ class Planner:
         position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
         pose = "a pose" if max(self.poses.rows) > 2 else "a position"
         limits = "that the arm reaches within its joints' limits"
-        limits += asks_for_millimetres(self.poses.positions[sample], "name the column x_mm")
-        raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
+        wrong_unit = asks_for_millimetres(self.poses.positions[sample], "name the column x_mm")
+        if wrong_unit:
+            limits += wrong_unit
+        else:
+            near = nearest_pose(self.arm.chain, self.poses.at(sample), self.rng)
+            limits += f"; the nearest found, which is no proof, is {near}"
+        raise InputError(where, f"out of reach at ({position}) m", f"{pose} {limits}")
 
     def _add_map(self) -> FloatArray | None:
         """Add points of all self-motion curves; return the track of minimum norm, (N, n)."""
