@@ -23,7 +23,7 @@ from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.shared import (
     NOT_CHECKED,
     RobotOnPath,
-    look_of,
+    check_style,
     looking_like,
     source_file,
 )
@@ -100,7 +100,13 @@ def path(
     from lockedjoint.formulations.io.table import Table, chosen_names
     from lockedjoint.kinematics.chain import narrowed
     from lockedjoint.paths.plan import JointRow
-    from lockedjoint.paths.search import arm_along, plan_path, standing_at, with_approach
+    from lockedjoint.paths.search import (
+        arm_along,
+        check_times,
+        plan_path,
+        standing_at,
+        with_approach,
+    )
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.robot import with_settings
@@ -109,6 +115,7 @@ def path(
         columns = chosen_names("--columns", columns, Table(JointRow, []).columns(every=True))
     tool_path = read_waypoints(waypoints)
     settings = {"progress": progress, **search, **(effort or {})}
+    check_times(tool_path, settings)
     path_search = with_settings(PathSearch, None, settings)
     arm = arm_along(robot, tool_path)
     chain = arm.chain
@@ -119,7 +126,7 @@ def path(
         inputs = [source_file(robot), waypoints, figure_style]
         for name in (*_PATH_FILES, _PICTURE_FILE, *TRAJECTORY_FILES, _RECOVERIES_FILE):
             prepare_file(out_dir / name, "--out-dir", inputs)
-    look_of(figure_style)
+    check_style(figure_style, out_dir is not None, "one with --out-dir")
     limits = limits and robot.in_radians(limits)
     standing = None if q is None else standing_at(robot, q, limits)
     plan = plan_path(arm, tool_path, path_search, robot.apart, limits)
