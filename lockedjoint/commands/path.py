@@ -135,7 +135,8 @@ def path(
     plain: dict[str, Any] = {"robot": chain.robot, "base": chain.base, "tip": chain.tip}
     plain |= {"locked": dict(chain.locked_at), "seed": path_search.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
-    notes = (*chain.notes, *tool_path.notes)
+    until_failure = narrowed(chain, limits or {})
+    notes = (*until_failure.notes, *tool_path.notes)
     notes += () if plan.approach is None else plan.approach.notes
     if robot.apart is not None:
         plain["unchecked_links"] = list(robot.apart.unchecked)
@@ -143,7 +144,6 @@ def path(
     timed = None
     if motion_limits is not None:
         has_position = set(arm.task.rows) >= _POSITION_ROWS
-        until_failure = narrowed(chain, limits or {})
         timed = _timed(until_failure, plan, motion_limits, timing, has_position)
         if robot.apart is not None:
             timed.check_clear(ClearMotion(robot.apart, chain))

@@ -27,7 +27,7 @@ from lockedjoint.recovery.answers import Recovery
 from lockedjoint.recovery.checking import faults
 from lockedjoint.recovery.configurations import GoalSearch
 from lockedjoint.recovery.damaged_state import DamagedState
-from lockedjoint.recovery.failures import Damage, Failure, Locked, list_of
+from lockedjoint.recovery.failures import Damage, Failure, Locked, check_failures, list_of
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recovery_search import RecoverySearch
 from lockedjoint.recovery.swinging import swinging_run
@@ -113,13 +113,14 @@ def recover(
         goal.plan.check_robot(healthy.chain)
         given += _locked_before(goal, healthy, given)
         q, goal = goal.q, goal.path
+    check_failures(healthy.chain, given)
     start, notes = healthy.configuration(_with_locked(healthy, q, given))
     damage = Damage.of(healthy, given, start)
     clearance = healthy.apart_along(damage.chain)
     chosen = with_settings(RecoverySearch, search, settings)
     limits = (acceleration, velocity, jerk)
     state = DamagedState.of(damage, start, *limits, clearance, chosen)
-    notes += () if clearance is None else clearance.notes
+    notes = (*damage.chain.notes, *notes, *(() if clearance is None else clearance.notes))
     answer = recovered(state, goal)  # which checks the kind of goal
     notes += goal.pose.notes if isinstance(goal, ToolGoal) else goal.notes
     answer = replace(answer, notes=notes)
