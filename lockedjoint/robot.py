@@ -26,7 +26,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from lockedjoint.formulations.io.objects import takes
-from lockedjoint.kinematics.in_degrees import InDegrees, in_radians
+from lockedjoint.kinematics.in_degrees import FromDegrees, InDegrees, in_radians
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 
@@ -277,7 +277,7 @@ class Robot:
         far = [
             f"{name} at {at:g}"
             for name, at in own.items()
-            if name not in self.slides and abs(at) > TWO_TURNS
+            if not (name in self.slides or isinstance(at, FromDegrees)) and abs(at) > TWO_TURNS
         ]
         said = [
             f"Locked positions beyond two turns (±4π rad) may be degrees: {', '.join(far)}."

@@ -198,6 +198,13 @@ def look_of(style: Path | None) -> Look:
     return Look() if style is None else read_style(style, "--figure-style")
 
 
+def check_style(style: Path | None, is_drawn: bool, allowed: str) -> None:
+    """Refuse a style file that is wrong, or that is given where no figure is drawn."""
+    if style is not None and not is_drawn:
+        raise InputError("--figure-style", style, allowed)
+    look_of(style)
+
+
 def draw(path: Path | None, style: Path | None, figure: Callable[[], Any]) -> None:
     """Draw what a function returns, a figure of matplotlib, into a file, if there is one."""
     if path is None:

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from lockedjoint.formulations.io.files import real_in, whole_in
-from lockedjoint.kinematics.in_degrees import ANGLES
+from lockedjoint.kinematics.in_degrees import ANGLES, FromDegrees
 from lockedjoint.nlp.errors import LARGEST, InputError, SolverOptionError
 
 #: A function takes the name of an option, such as ``--seed``, and the text after it, and
@@ -213,7 +213,8 @@ def _last_in_degrees(count: int, angles: int) -> Reader:
         if len(values) != count:
             return values
         lengths = values[: count - angles]
-        return lengths + [math.radians(value) for value in values[count - angles :]]
+        in_degrees = values[count - angles :]
+        return lengths + [FromDegrees(math.radians(value)) for value in in_degrees]
 
     return read
 

@@ -17,8 +17,8 @@ from lockedjoint.commands.shared import (
     BareRobot,
     Outputs,
     RobotReach,
+    check_style,
     draw,
-    look_of,
     source_file,
 )
 from lockedjoint.kinematics.in_degrees import far_angles
@@ -71,7 +71,7 @@ def workspace(
 
     endings = (".json", ".npz", ".ply", *PICTURES)
     files = Outputs.checked(out, endings, [source_file(robot), figure_style])
-    look_of(figure_style)
+    check_style(figure_style, files.picture is not None, "one with a picture as --out")
     chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
     result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
@@ -121,7 +121,7 @@ def prove_workspace(
     from lockedjoint.workspaces.of_robot import prove_workspace as proved
 
     files = Outputs.checked(out, (".npz", *PICTURES), [source_file(robot), figure_style])
-    look_of(figure_style)
+    check_style(figure_style, files.picture is not None, "one with a picture as --out")
     given: Any = {"progress": progress, **(effort or {})}
     found = proved(robot, limits=limits, **given)
     sentence = "Interrupted: what was proved until then is above."

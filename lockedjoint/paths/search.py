@@ -87,12 +87,24 @@ def path(
     if isinstance(way, str | os.PathLike):
         way = read_waypoints(Path(way))
     chosen = with_settings(PathSearch, search, settings)
+    check_times(way, settings)
     own = None if limits is None else given.in_radians(limits)
     standing = None if q is None else standing_at(given, q, own)
     plan = plan_path(arm_along(given, way), way, chosen, given.apart, own)
     if standing is None:
         return plan
     return with_approach(plan, given, *standing, chosen.seed, own)
+
+
+def check_times(waypoints: object, settings: Mapping[str, Any]) -> None:
+    """Refuse a duration beside waypoints that have times, by which it would mean nothing."""
+    if (
+        "duration" in settings
+        and isinstance(waypoints, ToolPath)
+        and waypoints.times is not None
+    ):
+        allowed = "none where the waypoints have times"
+        raise InputError("duration", settings["duration"], allowed)
 
 
 def standing_at(

@@ -56,6 +56,8 @@ _IN_DEGREES = (*_POSITION, *(f"{angle}_deg" for angle in _ANGLES))
 _MOST_WAYPOINTS = 1000
 # A quaternion may be longer or shorter than 1 by less than this.
 _QUATERNION_SLACK = 1e-2
+# A place is a waypoint if it differs from a whole number by less: rounding.
+_WAYPOINT_ROUNDING = 1e-9
 # A radian counts for so many metres where times are shared out by length.
 _METRES_PER_RADIAN = 0.3
 
@@ -189,9 +191,14 @@ class ToolPath(Brief):
         return np.asarray(lengths)
 
 
+def at_waypoints(places: FloatArray) -> IntArray:
+    """Return which samples are at waypoints, by their places, shape (N,)."""
+    return np.flatnonzero(np.abs(places - np.round(places)) < _WAYPOINT_ROUNDING)
+
+
 def place_name(place: float) -> str:
     """Return where a sample is, in words: ``waypoint 2``, ``between waypoints 2 and 3``."""
-    if abs(place - round(place)) < 1e-9:
+    if abs(place - round(place)) < _WAYPOINT_ROUNDING:
         return f"waypoint {round(place)}"
     return f"the path between waypoints {int(place)} and {int(place) + 1}"
 
