@@ -193,9 +193,14 @@ def plan_path(
     allowed = "a LinkClearance, as `read_clearance` returns it"
     of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
     task = arm.task
-    if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
-        allowed = "linear directions along the base's axes; poses allow rotations too"
-        raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
+    directions = ",".join(task.directions)
+    if task.frame != "base":
+        raise InputError(
+            "task", f"{task.frame}:{directions}", "directions along the base's axes"
+        )
+    if not path.has_orientation and max(task.rows) > 2:
+        allowed = "vx,vy,vz or some of them, because the waypoints have no orientation"
+        raise InputError("task", directions, allowed)
     return Planner(arm, path, search, clearance, limits).plan()
 
 

@@ -379,6 +379,14 @@ def test_the_operator_is_told_what_would_have_helped(made):
     assert found.verdict == "not found"
 
 
+def test_an_arm_without_a_joint_that_moves_is_told_so(spatial):
+    tree, _, q, goal = spatial
+    with pytest.raises(
+        InputError, match=r"free joints move \(j0, j1, j2, j3, j4, j5, j6 cannot"
+    ):
+        recover(tree, q, [Locked(f"j{k}") for k in range(7)], goal)
+
+
 def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, tmp_path):
     _, _, q, goal = spatial
     (tmp_path / "arm.urdf").write_text(made.offset_arm())
