@@ -57,6 +57,8 @@ compare --starts {n5000}
 compare --joints 6 -> joints
 compare --unknown
 nothing
+mesure -> No such command 'mesure'. Did you mean 'measure'?
+atlas shwo -> Did you mean 'show'?
 reproduce extra
 reproduce --out-dir valid.csv -> output folder
 solve something
@@ -108,6 +110,7 @@ measure arm.urdf --locked j0=1e308 -> joint j0
 measure arm.urdf --q J3=0 -> nearest: j3.
 measure arm.urdf --q j0=0,elbow=1 -> not of the arm: elbow.
 measure arm.urdf --q digits.json -> file
+measure arm.urdf --q valid.json -> valid.json
 measure arm.urdf --locked elbow=1 -> locked joint is elbow; allowed: one of j0, j1
 measure arm.urdf --tip l7:0,0 -> tip is l7:0,0; allowed: LINK, or LINK:X,Y,Z
 measure exampel -> or example; nearest: example.

@@ -213,6 +213,9 @@ def _of_file(path: Path) -> Any:
     if values is not None:
         return InDegrees(values) if unit == "deg" else values
     if isinstance(found, dict):
+        for name in (name for name, value in found.items() if isinstance(value, list | dict)):
+            allowed = "a number; a list under q, or under name and position as in a JointState"
+            raise InputError(f"{name} in {path}", found[name], allowed)
         values = {name: number(f"{name} in {path}", value) for name, value in found.items()}
     elif isinstance(found, list):
         values = [number(f"an entry of {path}", value) for value in found]

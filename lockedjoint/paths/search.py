@@ -117,10 +117,7 @@ def standing_at(
     point, notes = robot.configuration(q)
     chain = narrowed(robot.chain, limits or {}, "limits")
     chain.within_limits(point)
-    connector = Connector(chain, robot.apart)
-    if not connector.is_free(point):
-        allowed = "a configuration in which links keep their distance"
-        raise InputError("q", "in collision, or nearer to one than the clearance", allowed)
+    Connector(chain, robot.apart).check_free("q", point)
     return point, notes
 
 
