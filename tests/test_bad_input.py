@@ -57,8 +57,8 @@ compare --starts {n5000}
 compare --joints 6 -> joints
 compare --unknown
 nothing
-mesure -> No such command 'mesure'. Did you mean 'measure'?
-atlas shwo -> Did you mean 'show'?
+measurr -> No such command 'measurr'. Did you mean 'measure'?
+atlas showw -> Did you mean 'show'?
 reproduce extra
 reproduce --out-dir valid.csv -> output folder
 solve something
@@ -113,7 +113,7 @@ measure arm.urdf --q digits.json -> file
 measure arm.urdf --q valid.json -> valid.json
 measure arm.urdf --locked elbow=1 -> locked joint is elbow; allowed: one of j0, j1
 measure arm.urdf --tip l7:0,0 -> tip is l7:0,0; allowed: LINK, or LINK:X,Y,Z
-measure exampel -> or example; nearest: example.
+measure exampla -> or example; nearest: example.
 measure arm.urdf --srdf arm.urdf -> content is URDF
 measure arm.urdf --group arm -> an SRDF file
 codegen arm.urdf --name a-b -> a name in C
