@@ -217,10 +217,11 @@ class Robot:
             return self.tip, self.point
         link, _, place = self.tip.rpartition(":")
         try:
-            return link, [float(number) for number in place.split(",")]
-        except ValueError:
+            x, y, z = map(float, place.split(","))
+        except ValueError:  # other texts, or another count
             allowed = "LINK, or LINK:X,Y,Z with a point of the link, in metres"
             raise InputError("tip", self.tip, allowed) from None
+        return link, (x, y, z)
 
     @classmethod
     def of(cls, robot: object) -> Robot:
@@ -269,7 +270,7 @@ class Robot:
         own: Any = self.locked
         fixed = {**own, **locked}
         tip = str(self.tip)
-        chain = chain_between(self.tree, tip, self.base, fixed, self.point)
+        chain = chain_between(self.tree, tip, self.base, fixed, self.point, "locked joint")
         given: Any = self.limits
         limits = {name: ends for name, ends in given.items() if name not in fixed}
         chain = narrowed(chain, limits, "limits")

@@ -24,6 +24,7 @@ from lockedjoint.commands.shared import (
     NOT_CHECKED,
     RobotOnPath,
     check_style,
+    checked_effort,
     looking_like,
     source_file,
 )
@@ -114,7 +115,7 @@ def path(
     if columns is not None:  # a mistake is better known before the search
         columns = chosen_names("--columns", columns, Table(JointRow, []).columns(every=True))
     tool_path = read_waypoints(waypoints)
-    settings = {"progress": progress, **search, **(effort or {})}
+    settings = {"progress": progress, **search, **checked_effort(effort, PathSearch)}
     check_times(tool_path, settings)
     path_search = with_settings(PathSearch, None, settings)
     arm = arm_along(robot, tool_path)

@@ -15,7 +15,7 @@ from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import FieldsOf
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text
 from lockedjoint.commands.posture import near
-from lockedjoint.commands.shared import DamagedRobot, source_file
+from lockedjoint.commands.shared import DamagedRobot, checked_effort, source_file
 from lockedjoint.formulations.io.files import real_in
 from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
@@ -106,7 +106,7 @@ def recover(
         inputs = [source_file(robot), None if waypoints is None else _plan_at(waypoints)[0]]
         for name in (*TRAJECTORY_FILES, _PROOF):
             prepare_file(out_dir / name, "--out-dir", inputs)
-    settings = {"progress": progress, **search, **(effort or {})}
+    settings = {"progress": progress, **search, **checked_effort(effort, RecoverySearch)}
     chosen = with_settings(RecoverySearch, None, settings)
     how = {"acceleration": acceleration, "velocity": velocity, "jerk": jerk}
     answer = recover_arm(robot, q, failures, goal, chosen, **how)

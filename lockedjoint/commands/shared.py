@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -133,6 +133,17 @@ def robot_at(
         known[name] = where.pop(name)
     robot = robot.changed(locked=known)
     return robot, robot.configuration(where)[0], notes
+
+
+def checked_effort(effort: Mapping[str, Any] | None, kind: type[Any]) -> dict[str, Any]:
+    """Return what --effort states; InputError if a dataclass has no field of such a name."""
+    from lockedjoint.kinematics.chain import check_named
+
+    given = dict(effort or {})
+    for name in given:
+        known = [one.name for one in fields(kind) if one.init and one.name != "progress"]
+        check_named("--effort", name, known)
+    return given
 
 
 @dataclass(frozen=True)

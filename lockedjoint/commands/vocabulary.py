@@ -84,6 +84,14 @@ def whole(name: str, text: str) -> int:
     return value
 
 
+def a_count(name: str, text: str) -> int:
+    """Return a whole number of at least 1; InputError if it is none."""
+    value = whole(name, text)
+    if value < 1:
+        raise InputError(name, text, "a whole number of at least 1")
+    return value
+
+
 def real(name: str, text: str) -> float:
     """Return a finite number; InputError if it is none."""
     try:
@@ -348,7 +356,7 @@ WORDS: Mapping[str, Word] = {
     ),
     "workers": Word(
         "W",
-        whole,
+        a_count,
         says="Worker processes; by default one per core.",
     ),
     "scheduler": Word(

@@ -18,10 +18,12 @@ from lockedjoint.commands.shared import (
     Outputs,
     RobotReach,
     check_style,
+    checked_effort,
     draw,
     source_file,
 )
 from lockedjoint.kinematics.in_degrees import far_angles
+from lockedjoint.workspaces.workspace_search import CubeSearch, WorkspaceSearch
 
 if TYPE_CHECKING:
     from lockedjoint.workspaces.workspace import Workspace
@@ -72,7 +74,8 @@ def workspace(
     endings = (".json", ".npz", ".ply", *PICTURES)
     files = Outputs.checked(out, endings, [source_file(robot), figure_style])
     check_style(figure_style, files.picture is not None, "one with a picture as --out")
-    chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
+    tried = checked_effort(effort, WorkspaceSearch)
+    chosen: Any = {"optimise": optimise, "progress": progress, **tried}
     result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
     wanted = [path for path in parts if path is not None]
@@ -122,7 +125,7 @@ def prove_workspace(
 
     files = Outputs.checked(out, (".npz", *PICTURES), [source_file(robot), figure_style])
     check_style(figure_style, files.picture is not None, "one with a picture as --out")
-    given: Any = {"progress": progress, **(effort or {})}
+    given: Any = {"progress": progress, **checked_effort(effort, CubeSearch)}
     found = proved(robot, limits=limits, **given)
     sentence = "Interrupted: what was proved until then is above."
     failure = [] if found.complete else [sentence]

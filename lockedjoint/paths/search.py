@@ -117,10 +117,7 @@ def standing_at(
     point, notes = robot.configuration(q)
     chain = narrowed(robot.chain, limits or {}, "limits")
     chain.within_limits(point)
-    connector = Connector(chain, robot.apart)
-    if not connector.is_free(point):
-        allowed = "a configuration in which links keep their distance"
-        raise InputError("q", "in collision, or nearer to one than the clearance", allowed)
+    Connector(chain, robot.apart).check_free("q", point)
     return point, notes
 
 
@@ -193,9 +190,14 @@ def plan_path(
     allowed = "a LinkClearance, as `read_clearance` returns it"
     of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
     task = arm.task
-    if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
-        allowed = "linear directions along the base's axes; poses allow rotations too"
-        raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
+    directions = ",".join(task.directions)
+    if task.frame != "base":
+        raise InputError(
+            "task", f"{task.frame}:{directions}", "directions along the base's axes"
+        )
+    if not path.has_orientation and max(task.rows) > 2:
+        allowed = "vx,vy,vz or some of them, because the waypoints have no orientation"
+        raise InputError("task", directions, allowed)
     return Planner(arm, path, search, clearance, limits).plan()
 
 

@@ -30,9 +30,9 @@ _QUATERNION = ("qx", "qy", "qz", "qw")
 _TIME = "t"
 # An error of a table of waypoints allows this.
 _ALLOWED = (
-    "columns x,y,z (metres) and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t "
-    "(seconds) may come besides; units may be stated as in x_mm or roll_deg; without a header "
-    "three, six or seven numbers"
+    "columns x,y,z (metres), with commas between, and, for poses, roll,pitch,yaw (radians) or "
+    "qx,qy,qz,qw; t (seconds) may come besides; units may be stated as in x_mm or roll_deg; "
+    "without a header three, six or seven numbers"
 )
 # The name of a column of positions may end so: the number says how many metres its unit has.
 _METRES = {"_m": 1.0, "_cm": 0.01, "_mm": 0.001}
@@ -243,7 +243,9 @@ def read_waypoints(path: Path | str) -> ToolPath:
     if not lines:
         raise FileError("waypoints", str(path), "a file with waypoints, which is not empty")
     head = [cell.strip().lower() for cell in lines[0]]
-    if {_unit(name)[0] for name in head} & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
+    known = {_unit(name)[0] for name in head} & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}
+    # A line without any number is a head, too: `_columns` says which heads it knows.
+    if known or not any(map(_is_number, head)):
         return ToolPath(*_columns(head, lines[1:]))
     return ToolPath(*_columns(None, lines))
 
@@ -318,6 +320,15 @@ def _columns(
         quaternions = Rotation.from_euler("xyz", columns(*_ANGLES)).as_quat()
     times = columns(_TIME)[:, 0] if _TIME in head else None
     return columns(*_POSITION), quaternions, times, notes
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number, NaN and infinity included."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _unit(name: str) -> tuple[str, float]:

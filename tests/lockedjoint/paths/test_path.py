@@ -235,6 +235,9 @@ def test_waypoints_in_every_form(tmp_path, name):
 BAD = {
     "": "not empty",
     "x,y\n0,0\n1,1\n": "columns of the waypoints is x,y",
+    "X (m),Y (m),Z (m)\n0,0,0\n1,1,1\n": r"columns of the waypoints is x \(m\),y \(m\)",
+    "x;y;z\n0;0;0\n1;1;1\n": "columns of the waypoints is x;y;z.*with commas between",
+    "nan,0,0\n1,1,1\n": "waypoint 1 is nan,0,0",
     "0,0,0\n": "at least two",
     "0,0,0\n0,zero,1\n": "waypoint 2 is 0,zero,1",
     "0,0,0\n0,1\n": "waypoint 2 is of 2 entries",
@@ -297,6 +300,12 @@ def test_out_of_reach_says_how_far_the_tool_turns_away(arm):
     off, degrees = map(float, said.groups())
     assert off < 0.1
     assert np.degrees(1.0) - 5 < degrees < np.degrees(1.0) + 1e-6
+
+
+def test_rotations_need_waypoints_with_an_orientation(arm):
+    path = ToolPath(np.array([[0.3, 0.1, 0.5], [0.3, 0.2, 0.5]]))
+    with pytest.raises(InputError, match=r"task is vx,.*because the waypoints have no orienta"):
+        plan_path(arm, path, QUICK)
 
 
 def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):
