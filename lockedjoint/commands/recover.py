@@ -19,11 +19,11 @@ from lockedjoint.commands.shared import DamagedRobot, checked_effort, source_fil
 from lockedjoint.formulations.io.files import real_in
 from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
-from lockedjoint.paths.plan_in_time import RestOfPlan
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
 if TYPE_CHECKING:
     from lockedjoint.kinematics.pose import Pose
+    from lockedjoint.paths.plan_in_time import RestOfPlan
     from lockedjoint.paths.waypoints import ToolPath
     from lockedjoint.recovery.answers import Recovery
     from lockedjoint.recovery.failures import Failure
@@ -94,6 +94,7 @@ def recover(
         trajectory.ros2_control.csv; or proof.json, if the goal is proved to be out of reach.
     """
     from lockedjoint.formulations.io.files import prepare_file, write_text
+    from lockedjoint.paths.plan_in_time import RestOfPlan
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.recovery.recover import recover as recover_arm
     from lockedjoint.robot import with_settings
