@@ -88,6 +88,7 @@ from lockedjoint.adapters import placo as placo
 # Files: matrices, robots, waypoints, a campaign's records, the best Jacobians known.
 from lockedjoint.formulations.measures.read_jacobians import read_jacobians as read_jacobians
 from lockedjoint.paths.waypoints import read_waypoints as read_waypoints
+from lockedjoint.paths.read_plan import read_plan as read_plan
 from lockedjoint.formulations.campaign.records import open_store as open_store
 from lockedjoint.formulations.campaign.tables import read_campaign as read_campaign
 from lockedjoint.formulations.atlas.collection import atlas as atlas

@@ -26,7 +26,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from lockedjoint.formulations.io.objects import takes
-from lockedjoint.kinematics.in_degrees import InDegrees, in_radians
+from lockedjoint.kinematics.in_degrees import FromDegrees, InDegrees, in_radians
 from lockedjoint.kinematics.task_space import TaskSpace
 from lockedjoint.nlp.errors import InputError, of_kind, printable
 
@@ -217,10 +217,11 @@ class Robot:
             return self.tip, self.point
         link, _, place = self.tip.rpartition(":")
         try:
-            return link, [float(number) for number in place.split(",")]
-        except ValueError:
+            x, y, z = map(float, place.split(","))
+        except ValueError:  # other texts, or another count
             allowed = "LINK, or LINK:X,Y,Z with a point of the link, in metres"
             raise InputError("tip", self.tip, allowed) from None
+        return link, (x, y, z)
 
     @classmethod
     def of(cls, robot: object) -> Robot:
@@ -269,7 +270,7 @@ class Robot:
         own: Any = self.locked
         fixed = {**own, **locked}
         tip = str(self.tip)
-        chain = chain_between(self.tree, tip, self.base, fixed, self.point)
+        chain = chain_between(self.tree, tip, self.base, fixed, self.point, "locked joint")
         given: Any = self.limits
         limits = {name: ends for name, ends in given.items() if name not in fixed}
         chain = narrowed(chain, limits, "limits")
@@ -277,7 +278,7 @@ class Robot:
         far = [
             f"{name} at {at:g}"
             for name, at in own.items()
-            if name not in self.slides and abs(at) > TWO_TURNS
+            if not (name in self.slides or isinstance(at, FromDegrees)) and abs(at) > TWO_TURNS
         ]
         said = [
             f"Locked positions beyond two turns (±4π rad) may be degrees: {', '.join(far)}."

@@ -9,6 +9,7 @@ has one of these while the others have none.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import pickle
@@ -37,6 +38,20 @@ from hypothesis import settings
 from xdist.scheduler import LoadFileScheduling
 
 ROOT = Path(__file__).parents[1]
+
+# The modules that are collected make half a million objects, which stay to the end. To look for
+# garbage among them again and again took a tenth of the time of the tests.
+gc.disable()
+# So many new objects are the least among which garbage is looked for: by default 700.
+_NEW_OBJECTS = 10_000
+
+
+def pytest_collection_finish() -> None:
+    """Look for garbage from here on, among what the tests themselves make."""
+    gc.freeze()
+    gc.set_threshold(_NEW_OBJECTS)
+    gc.enable()
+
 
 # Before NumPy is imported, and inherited by workers and child processes: the cores are busy
 # with other tests, and more threads than cores wait for one another.

@@ -57,6 +57,8 @@ compare --starts {n5000}
 compare --joints 6 -> joints
 compare --unknown
 nothing
+measurr -> No such command 'measurr'. Did you mean 'measure'?
+atlas showw -> Did you mean 'show'?
 reproduce extra
 reproduce --out-dir valid.csv -> output folder
 solve something
@@ -106,7 +108,12 @@ measure arm.urdf --tip l7:a,b,c -> tip
 measure arm.urdf --task nothing -> task
 measure arm.urdf --locked j0=1e308 -> joint j0
 measure arm.urdf --q J3=0 -> nearest: j3.
+measure arm.urdf --q j0=0,elbow=1 -> not of the arm: elbow.
 measure arm.urdf --q digits.json -> file
+measure arm.urdf --q valid.json -> valid.json
+measure arm.urdf --locked elbow=1 -> locked joint is elbow; allowed: one of j0, j1
+measure arm.urdf --tip l7:0,0 -> tip is l7:0,0; allowed: LINK, or LINK:X,Y,Z
+measure exampla -> or example; nearest: example.
 measure arm.urdf --srdf arm.urdf -> content is URDF
 measure arm.urdf --group arm -> an SRDF file
 codegen arm.urdf --name a-b -> a name in C
@@ -116,21 +123,31 @@ view arm.urdf --beside way.csv -> way.csv
 posture arm.urdf --at 0.3,0.4,1,0,0,0 --tolerance 0.1,4 -> tolerance
 posture mjcf.xml --task vx --clearance 0.1 -> clearance
 posture arm.urdf --obstacles arm.urdf@1,2 -> pose
+posture arm.urdf --obstacles way.csv -> or the file of a mesh: .stl
+posture arm.urdf --workers 0 -> --workers is 0; allowed: a whole number of at least 1
 posture long.urdf --failures 12 -> failures
 path arm.urdf zero.csv -> waypoints
 path arm.urdf way.csv --limits j0=1:0 -> limits of j0
 path arm.urdf way.csv --recoveries
+path arm.urdf way.csv --acceleration 1,2 -> acceleration is 2 numbers; allowed: 7, one a joint
+path arm.urdf way.csv --effort sample=6 -> duration, tracks, rounds, seed; nearest: samples.
+path arm.urdf way.csv --task tip:vx,vy,vz -> directions along the base's axes
 path arm.urdf way.csv --jerk 5 -> one with an acceleration
 path arm.urdf way.csv --q 9,0,0,0,0,0,0 -> joint j0 is 9 rad
 recover arm.urdf --locked j0 --at 0.3,0.4,1 --waypoints way.csv -> --at
 recover arm.urdf --locked j0=3 --at 0.3,0.4,1 -> j0
 recover arm.urdf --locked j0 --at 0.3,0.4,1 --jerk 0 -> jerk limits
+recover arm.urdf --locked j0 --at 0.3,0.4,1 --effort progress=1 -> --effort is progress
+recover arm.urdf --locked j0 --waypoints way.csv@soon -> FILE, or FILE@SECONDS
+recover arm.urdf --locked j0 --waypoints way.csv@1 -> way.csv
 recover arm.urdf --reduced j0=1:2 --at 0.3,0.4,1 -> joint j0
 workspace arm.urdf --optimise nothing
 workspace arm.urdf --effort voxel=1e-300 -> voxel
+workspace arm.urdf --effort voxels=1 -> nearest: voxel.
 workspace arm.urdf --orientation 1,2 -> orientation
 workspace arm.urdf --out a.svg --out b.png -> one file of a kind
 prove-workspace arm.urdf --effort halvings=13 -> halvings
+prove-workspace arm.urdf --effort fine=1 -> --effort is fine; allowed: one of finest, halvings
 prove-workspace arm.urdf --limits {long}=0:1 -> limits
 # campaigns and stores
 campaign missing.toml new.db -> campaign file

@@ -68,6 +68,10 @@ SPARING = ALIKE(8, never=[0])
 NOT_TWO = "at most the degree of redundancy, 1"
 STATEMENTS = [
     *((NOT_TWO, one.build, SEVEN, 2) for one in (condition, isotropy, manipulability, max_min)),
+    *(
+        ("only max-min", one.build, SEVEN, ALIKE(7))
+        for one in (condition, isotropy, manipulability)
+    ),
     ("at least 1", max_min.build, SEVEN, 0),
     ("shared-factor", max_min.build, SEVEN, 1, "other"),
     ("keep full rank", max_min.build, SLIDING, 1, "shared-factor"),

@@ -307,6 +307,69 @@ def test_a_refused_angle_asks_for_degrees(line, asked, folder, lockedjoint):
     assert ("in degrees? --angles deg" in done.stderr) == asked, done.stderr
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("measure example --locked elbow=800", "joint elbow is 13.96263 rad; allowed:"),
+        ("measure example --q 0,0,0,300,0,0,0", "joint elbow is 5.235988 rad; allowed:"),
+        ("posture example --locked elbow=-800", "joint elbow is -13.96263 rad; allowed:"),
+        (
+            "recover example --locked elbow=800 --at 1,0,0",
+            "joint elbow is 13.96263 rad; all",
+        ),
+        (
+            "recover example --reduced elbow=500:900 --at 1,0,0",
+            "range of elbow is [8.7",
+        ),
+        (
+            "workspace example --limits elbow=-800:800",
+            "limits of elbow is [-13.96",
+        ),
+        (
+            "path example way.csv --limits elbow=500:900",
+            "limits of elbow is [8.7",
+        ),
+    ],
+)
+def test_what_was_stated_in_degrees_is_refused_in_both_units(line, said, folder, lockedjoint):
+    """Nobody is asked for degrees who has stated them."""
+    (folder / "way.csv").write_text("x,y,z\n0.45,-0.15,0.3\n0.5,0.2,0.35\n")
+    words = line.split()
+    done = lockedjoint.here(*words, "--angles", "deg", cwd=folder)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "[-0.4, 2.4] rad, which is [-22.91831, 137.5099]°." in done.stderr
+    assert "degrees" not in done.stderr
+    same = lockedjoint.here(*words, cwd=folder)
+    assert same.returncode == 2
+    assert "[-0.4, 2.4] rad" in same.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "radians", "degrees"),
+    [
+        ("path example way.csv --effort samples=6 --limits elbow=", "-800:800", "-800:800"),
+        (
+            "recover example --q 0,0,0,0.1,0,0,0 --at 0.5,0.2,0.4 --reduced elbow=",
+            "-9:9",
+            "-800:900",
+        ),
+        ("measure endless.urdf --task vx,vy --locked j0=", "900", "900"),
+        ("workspace endless.urdf --effort voxel=0.5 --orientation=", "0,0,14", "0,0,800"),
+    ],
+)
+def test_only_large_radians_are_noted(line, radians, degrees, folder, made, lockedjoint):
+    """Limits beyond the robot's own, a joint without limits, an orientation."""
+    (folder / "way.csv").write_text("x,y,z\n0.45,-0.15,0.3\n0.5,0.2,0.35\n")
+    text = made.planar_urdf([0.5, 0.4, 0.3, 0.2], "").replace('"revolute"', '"continuous"')
+    (folder / "endless.urdf").write_text(text)
+    for unit, value, noted in (("rad", radians, True), ("deg", degrees, False)):
+        done = lockedjoint.here(*f"{line}{value}".split(), "--angles", unit, cwd=folder)
+        assert done.returncode in (0, 1), done.stderr
+        assert done.stdout
+        assert ("may be degrees" in done.stderr) == noted, (unit, done.stderr)
+
+
 @pytest.mark.parametrize(("x", "asked"), [(450, True), (15, False)])
 def test_a_place_out_of_reach_asks_for_millimetres(x, asked, folder, lockedjoint):
     (folder / "way.csv").write_text(f"x,y,z\n{x},0.1,0.3\n{x},0.2,0.3\n")

@@ -23,11 +23,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
+from functools import cached_property
 from math import inf, nextafter, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import block_diag
 from scipy.optimize import nnls
 
@@ -72,9 +73,6 @@ _SAFETY = 1 + 1e-9
 _ROUNDING = 2.0**-51
 _REFUSED = "not proved to be a strict local maximum: {}."
 
-# A function that makes fractions of doubles, entry by entry: arithmetic on them is exact.
-_exact = np.frompyfunc(Fraction, 1, 1)
-
 
 @dataclass(frozen=True, eq=False)
 class LocalMaximum:
@@ -118,6 +116,29 @@ class Unknowns(NamedTuple):
     turns: Any  # μ, one for each change of frame or phase
 
 
+class _SparseCondition(NamedTuple):
+    """A condition of the model at the entries of J, row after row, that it depends on."""
+
+    places: npt.NDArray[np.intp]  # the numbers of these entries
+    linear: FloatArray  # ℓ there
+    factors: FloatArray  # the entry of H that is not zero in each of these rows, or 0
+    partners: npt.NDArray[np.intp]  # the number of its column
+    level: float  # c
+
+
+def _unit_exponent(*parts: npt.ArrayLike) -> int:
+    """Return e ≥ 0 for which all these doubles are whole multiples of 2⁻ᵉ."""
+    numbers = np.concatenate([np.ravel(part) for part in parts])
+    return max(0, 53 - int(np.frexp(numbers[numbers != 0])[1].min(initial=53)))
+
+
+def _in_units(numbers: npt.ArrayLike, exponent: int) -> Any:
+    """Return doubles as whole numbers of 2⁻ᵉ, an array of integers of any length."""
+    ratios = [float(number).as_integer_ratio() for number in np.ravel(numbers)]
+    whole = np.array([a * ((1 << exponent) // b) for a, b in ratios], dtype=object)
+    return whole.reshape(np.shape(numbers))
+
+
 def prove_local_maximum(
     asked: Entry, jacobian: FloatArray, sets: Sequence[tuple[int, ...]] | None = None
 ) -> LocalMaximum:
@@ -157,7 +178,8 @@ def _proved_zero(conditions: Conditions) -> _Zero:
     2|C∇G(x⁰)| into itself.
     """
     x = conditions.solution()
-    slope, inverse = conditions.slope(x), np.linalg.inv(conditions.slope(x))
+    slope = conditions.slope(x)
+    inverse = np.linalg.inv(slope)
     weight = np.abs(inverse)
     # More than what rounding changes in D²G(x⁰), and in a product with it, relative to `bound`.
     small = len(x) * _ROUNDING
@@ -287,31 +309,61 @@ class Conditions:
                 break
         return x
 
+    @cached_property
+    def _sparse_model(self) -> list[_SparseCondition]:
+        """The conditions of the model, without entries that are zero."""
+        found = []
+        for one in self.model:
+            rows, others = np.nonzero(one.form)  # at most one in a row
+            places = np.union1d(np.flatnonzero(one.linear), rows)
+            factors, partners = np.zeros(len(places)), np.zeros(len(places), dtype=int)
+            own = np.searchsorted(places, rows)
+            factors[own], partners[own] = one.form[rows, others], others
+            found.append(
+                _SparseCondition(places, one.linear[places], factors, partners, one.level)
+            )
+        return found
+
     def gradient(self, x: FloatArray) -> FloatArray:
-        """Return the gradient of G, shape (N,), exact but for the last rounding."""
-        return np.asarray(self.gradient_in(_exact, x).astype(float))
+        """Return the gradient of G, shape (N,), exact but for the last rounding.
 
-    def gradient_in(self, number: Any, x: Any) -> Any:
-        """Return the gradient of G in other numbers than doubles, shape (N,).
-
-        `number` makes such numbers of an array, entry by entry, such as fractions.
+        All doubles are whole multiples of one power of 2, the unit. Products of two and of
+        three are whole multiples of its square and its cube: this is arithmetic of integers.
         """
-        j, p, w, t, mu = self.parts(number(x))
-        levels = number(np.array([one.level for one in self.model]))
-        linear = number(np.array([one.linear for one in self.model]))
-        frames, kept = number(self.frames), number(self.kept)
-        normals = linear.copy()  # ∇h_k = Hj + ℓ, a row for each condition
-        for row, one in zip(normals, self.model, strict=True):
-            places, others = np.nonzero(one.form)  # at most one in a row, a whole number
-            row[places] = row[places] + number(one.form[places, others]) * j.ravel()[others]
-        rest = j * kept[:, None]
+        model, frames = self._sparse_model, self.frames.reshape(len(self.frames), -1)
+        constants = [part for one in model for part in (one.linear, one.factors, one.level)]
+        unit = _unit_exponent(x, frames, self.fixed, *constants)
+        j, p, w, t, mu = self.parts(_in_units(x, unit))
+        flat, moved = j.ravel(), j.ravel() - _in_units(self.fixed, unit).ravel()
+        # A number of units is one of squared units if it is shifted once, and so on.
+        once, twice = 1 << unit, 1 << 2 * unit
+        rest = np.where(self.kept[:, None], j, 0)
         pulled = np.sum(p[:, :, None] * rest, axis=1)  # J_F̄ᵀp_F, shape (|S|, n)
-        by_j = 2 * p.T @ pulled + (w @ normals).reshape(j.shape)
-        by_j = by_j - np.sum(mu[:, None, None] * frames, axis=0)
-        by_p = 2 * (np.sum(rest * pulled[:, None], axis=2) - t * p)
-        by_w = (normals + linear) @ j.ravel() / 2 - levels  # h_k = ½ jᵀHj + ℓ·j − c
-        by_mu = -np.sum(frames * (j - number(self.fixed)), axis=(1, 2))
-        return np.concatenate([by_j.ravel(), by_p.ravel(), by_w, [1 - np.sum(p * p)], by_mu])
+        by_j = (2 * p.T @ pulled).ravel()
+        by_p = 2 * (np.sum(rest * pulled[:, None], axis=2) - once * t * p)
+        by_w, by_mu = [], []
+        for weight, one in zip(w, model, strict=True):
+            linear = once * _in_units(one.linear, unit)
+            # ∇h_k = Hj + ℓ, and twice h_k = ½ jᵀHj + ℓ·j − c.
+            normal = linear + _in_units(one.factors, unit) * flat[one.partners]
+            by_j[one.places] += weight * normal
+            level = 2 * twice * _in_units(one.level, unit)[()]
+            by_w.append(np.sum((normal + linear) * flat[one.places]) - level)
+        for factor, frame in zip(mu, frames, strict=True):
+            places = np.flatnonzero(frame)
+            entries = _in_units(frame[places], unit)
+            by_j[places] -= once * factor * entries
+            by_mu.append(-once * np.sum(entries * moved[places]))
+        by_t = once * (twice - np.sum(p * p))
+        doubled = [
+            *(2 * by_j),
+            *(2 * by_p.ravel()),
+            *by_w,
+            2 * by_t,
+            *(2 * one for one in by_mu),
+        ]
+        # A quotient of integers is rounded once.
+        return np.asarray(np.array(doubled, dtype=object) / (2 * once * twice), dtype=float)
 
     def slope(self, x: FloatArray) -> FloatArray:
         """Return the second derivatives of G, shape (N, N), in double precision."""

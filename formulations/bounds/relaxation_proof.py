@@ -198,13 +198,17 @@ class RelaxationProof:
                 found.append(one.inverse.T @ solved(one.weight * matrix, one.inverse))
         return found
 
-    def proved_level(self) -> Fraction:
+    def proved_level(
+        self, conditions: tuple[tuple[Fraction, ...], ...] | None = None
+    ) -> Fraction:
         """Return what t is not above, or ρ not below, if all slacks are semidefinite.
 
-        It is Σλb/d, or −Σλb − ½‖N‖² for the residual; CertificateError unless d > 0.
+        It is Σλb/d, or −Σλb − ½‖N‖² for the residual; CertificateError unless d > 0. The λ are
+        `conditions`, by default those of the proof.
         """
         price = Fraction(0)
-        for kind, weights in zip(self.parts.kinds, self.conditions, strict=True):
+        given = self.conditions if conditions is None else conditions
+        for kind, weights in zip(self.parts.kinds, given, strict=True):
             for condition, weight in zip(kind.conditions, weights, strict=True):
                 price += weight * limit_of(condition, weight)
         if self.statement == "residual":

@@ -87,8 +87,8 @@ def _proof(solution: RelaxationSolution, zero: float) -> RelaxationProof:
     """Return the proof that treats multipliers below `zero` times the largest as 0."""
     symmetry = FrameSymmetry.of(solution.problem.parts)
     rough = _rounded(solution, symmetry, zero)
-    feasible = replace(rough, conditions=feasible_weights(rough, symmetry.parts_apart))
-    proof = replace(feasible, level=feasible.proved_level())
+    weights = feasible_weights(rough, symmetry.parts_apart)
+    proof = replace(rough, conditions=weights, level=rough.proved_level(weights))
     proof.check()
     return proof
 

@@ -128,7 +128,7 @@ def two_point_bound(
         blocks, lift, status = _solve(m, n, sample)
         if not blocks:
             break
-        found += [_judged(m, n, blocks, lift, judge, extra) for extra in _EXTRA_VIOLATIONS]
+        found += _judged(m, n, blocks, lift, judge)
         if progress:
             words = f"round {number + 1} of {ROUNDS}: tr G ≤ {found[-1].trace_limit:.6f}"
             progress(Step(words, (number + 1) / ROUNDS))
@@ -245,20 +245,24 @@ def _solve(m: int, n: int, points: FloatArray) -> _Multipliers:
 
 
 def _judged(
-    m: int, n: int, blocks: list[FloatArray], lift: FloatArray, judge: FloatArray, extra: float
-) -> TwoPointBound:
-    """Return what holds if K − h(d) − h(e) is nowhere above v, its largest value + `extra`.
+    m: int, n: int, blocks: list[FloatArray], lift: FloatArray, judge: FloatArray
+) -> list[TwoPointBound]:
+    """Return what holds if K − h(d) − h(e) is nowhere above v, for each of some v.
 
-    The largest value is that on the judging grid, shape (points, 3). The F_l of the result are
-    positive definite, and tr G ≤ n(A + (n − 1)v).
+    v is its largest value on the judging grid, shape (points, 3), and one of the
+    `_EXTRA_VIOLATIONS`. The F_l of the results are positive definite, and
+    tr G ≤ n(A + (n − 1)v).
     """
     unit = np.eye(_DEGREE + 1)
     projected = [nearest_semidefinite(block) + _DEFINITE * unit for block in blocks]
     projected = [0.5 * (block + block.T) for block in projected]
-    violation = max(float(_excess(m, judge, projected, lift).max()), 0.0) + extra
+    largest = max(float(_excess(m, judge, projected, lift).max()), 0.0)
     d = np.linspace(0.0, 1.0, _DIAGONAL_JUDGE_LEVELS)
     lifted = 2 * (n - 1) * (_chebyshev(d, 2 * _DEGREE) @ lift)
-    own = _kernel(m, _equal_pairs(d), projected)
-    limit = float((own + lifted + d).max()) + (n - 1) * violation
+    own = float((_kernel(m, _equal_pairs(d), projected) + lifted + d).max())
     kept = [block.tolist() for block in projected]
-    return TwoPointBound(m, n, n * limit + _EXTRA_TRACE, violation, kept, lift.tolist())
+    found = []
+    for violation in (largest + extra for extra in _EXTRA_VIOLATIONS):
+        limit = n * (own + (n - 1) * violation) + _EXTRA_TRACE
+        found.append(TwoPointBound(m, n, limit, violation, kept, lift.tolist()))
+    return found

@@ -25,6 +25,7 @@ of x occur. Three maps of the unit cube cover all that is allowed: `few`, `one_l
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
+from functools import cached_property
 from math import sqrt
 from typing import Any
 
@@ -135,6 +136,20 @@ class _Multipliers:
     #: v.
     violation: Fraction
 
+    @cached_property
+    def _pairs(self) -> dict[tuple[Fraction, Fraction], tuple[list[Fraction], Fraction]]:
+        """What `_at` has returned: on the cube each pair (d, e) occurs with several s."""
+        return {}
+
+    def _at(self, d: Fraction, e: Fraction) -> tuple[list[Fraction], Fraction]:
+        """Return φ(d)ᵀ F_l φ(e) for each l, and h(d) + h(e)."""
+        known = self._pairs.get((d, e))
+        if known is None:
+            first, second = (np.array(_chebyshev(z, len(self.blocks[0]))) for z in (d, e))
+            terms = [first @ block @ second for block in self.blocks]
+            known = self._pairs[d, e] = terms, self.lifted(d) + self.lifted(e)
+        return known
+
     @property
     def power(self) -> int:
         """Degree of K in s: that of the last P_l."""
@@ -150,10 +165,9 @@ class _Multipliers:
 
     def kernel(self, d: Fraction, e: Fraction, s: Fraction) -> Fraction:
         """Return K at d, e and x² = s."""
-        first, second = (np.array(_chebyshev(z, len(self.blocks[0]))) for z in (d, e))
         zonal = _zonal(self.task_dimension, s, len(self.blocks))
-        terms = zip(zonal, self.blocks, strict=True)
-        return sum((value * (first @ block @ second) for value, block in terms), Fraction(0))
+        terms = zip(zonal, self._at(d, e)[0], strict=True)
+        return sum((value * term for value, term in terms), Fraction(0))
 
     def lifted(self, d: Fraction) -> Fraction:
         """Return h(d)."""
@@ -162,7 +176,7 @@ class _Multipliers:
 
     def excess(self, d: Fraction, e: Fraction, s: Fraction) -> Fraction:
         """Return K − h(d) − h(e) − v."""
-        return self.kernel(d, e, s) - self.lifted(d) - self.lifted(e) - self.violation
+        return self.kernel(d, e, s) - self._at(d, e)[1] - self.violation
 
     def few(self, p: Fraction, q: Fraction, u: Fraction) -> Fraction:
         """Cover d + e ≤ 1, where s can have all values from 0 to 1."""

@@ -13,6 +13,7 @@ polynomial at the corners of the cube. `cubes` is an array of shape (cubes, a + 
 
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import lru_cache
 from math import comb
 from typing import Any
 
@@ -69,14 +70,28 @@ def _bernstein(function: Callable[..., Fraction], degrees: tuple[int, ...]) -> F
     Values at degree + 1 equidistant nodes of each axis determine them: along one axis they are
     the solution of Σ_j C(k, j) x^j (1 − x)^(k−j) b_j = value at x, C the binomial coefficients.
     """
-    axes = [[Fraction(i, max(k, 1)) for i in range(k + 1)] for k in degrees]
+    axes = [_nodes(degree) for degree in degrees]
     values = np.array([function(p, q, u) for p in axes[0] for q in axes[1] for u in axes[2]])
     values = values.reshape([len(axis) for axis in axes])
-    for place, (k, nodes) in enumerate(zip(degrees, axes, strict=True)):
-        basis = [[comb(k, j) * x**j * (1 - x) ** (k - j) for j in range(k + 1)] for x in nodes]
-        solved = np.tensordot(_inverse(np.array(basis, dtype=object)), values, (1, place))
+    for place, degree in enumerate(degrees):
+        solved = np.tensordot(_from_values(degree), values, (1, place))
         values = np.moveaxis(solved, 0, place)
     return np.asarray(values, dtype=np.float64)
+
+
+def _nodes(degree: int) -> list[Fraction]:
+    """Return degree + 1 equidistant fractions from 0 to 1."""
+    return [Fraction(i, max(degree, 1)) for i in range(degree + 1)]
+
+
+@lru_cache(maxsize=64)
+def _from_values(degree: int) -> Any:
+    """Return the matrix that makes Bernstein coefficients of values at the nodes, exact."""
+    basis = [
+        [comb(degree, j) * x**j * (1 - x) ** (degree - j) for j in range(degree + 1)]
+        for x in _nodes(degree)
+    ]
+    return _inverse(np.array(basis, dtype=object))
 
 
 def _inverse(matrix: Any) -> Any:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from lockedjoint.formulations.joints.gram_conditions import GramCondition, trace_condition
 from lockedjoint.formulations.measures.jacobian import check_locked
+from lockedjoint.formulations.measures.unequal_failures import FailureModel
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.problem import Constraint
@@ -209,14 +210,17 @@ def outside(column: FloatArray, allowed: str) -> NotInModelError:
     return NotInModelError("column", shown, allowed)
 
 
-def check(arm: ArmModel, failures: int = 1) -> Mapping[str, object]:
-    """Return the settings of a statement that has only this one.
+def check(arm: ArmModel, failures: int | FailureModel = 1) -> Mapping[str, object]:
+    """Return the settings of a formulation that has no setting but `failures`.
 
     Raises
     ------
     InputError
-        If so many joints of the arm cannot lock at once.
+        If so many joints of the arm cannot lock at once, or it is no number of joints.
     """
+    if isinstance(failures, FailureModel):
+        allowed = "a number of joints; only max-min knows probabilities"
+        raise InputError("failures", "with probabilities", allowed)
     m, n = arm.shape
     check_locked(n - m, n, failures)
     return {"failures": failures}

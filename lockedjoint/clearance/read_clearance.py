@@ -179,9 +179,13 @@ def read_clearance(
 
 def _read_urdf(path: Path, content: bytes) -> tuple[RobotTree, Geometry]:
     """Return the tree and the geometry of obstacles; InputError if it is no URDF."""
-    root = xml_root(content)
+    meshes = f"or the file of a mesh: {', '.join(MESHES)}"
+    try:
+        root = xml_root(content)
+    except InputError as error:
+        raise InputError(error.argument, error.value, f"{error.allowed}; {meshes}") from None
     if root.tag != "robot":
-        raise InputError("root element", f"<{root.tag}>", "<robot> (URDF), or a mesh's file")
+        raise InputError("root element", f"<{root.tag}>", f"<robot> (URDF), {meshes}")
     return urdf_tree(root), read_shapes(root, path)
 
 

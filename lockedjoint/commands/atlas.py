@@ -47,8 +47,10 @@ def listing(
     """
     from lockedjoint.formulations.atlas.collection import read_atlas
     from lockedjoint.formulations.atlas.entry import AtlasRow, row_of
-    from lockedjoint.formulations.io.table import Table, chosen_rows
+    from lockedjoint.formulations.io.table import Table, chosen_names, chosen_rows
 
+    if columns is not None:
+        chosen_names("--columns", columns, Table(AtlasRow, []).columns(every=True))
     chosen_rows(Table(AtlasRow, []), where or ())  # a mistake is better known at once
     table = Table(AtlasRow, list(map(row_of, read_atlas(entries))))
     if where:

@@ -223,6 +223,9 @@ def show(
     chosen = " and ".join(f"({text})" for text in where or ())
     prepare_file(out, inputs=[store])
     some = None if columns is None or "all" in columns else columns
+    in_full = as_json or to == "csv"
+    if some and not in_full and (matrices := [name for name in _MATRICES if name in some]):
+        raise InputError("--columns", matrices[0], "no matrix without --json or --to csv")
     with open_store(store) as study:
         table = tables.read_campaign(study, rows, chosen, group_by, some)
         form = to or ("markdown" if out is not None else "terminal")

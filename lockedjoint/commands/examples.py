@@ -29,6 +29,7 @@ path arm.urdf way.csv
 path arm.urdf way.csv --limits elbow=0:2 --out-dir plan
 recover arm.urdf --q 0,0.5,0,-1.5,0,1,0 --locked elbow --at 0.4,0.1,0.5
 recover arm.urdf --q state.json --locked elbow=1.2 --at pose.json --out-dir recovery
+recover arm.urdf --waypoints plan/path.json@2.5 --locked elbow
 workspace arm.urdf --optimise limits
 workspace arm.urdf --limits elbow=0:2 --out workspace.svg
 prove-workspace arm.urdf --limits elbow=0:2 --out kept.npz

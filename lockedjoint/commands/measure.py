@@ -20,13 +20,16 @@ if TYPE_CHECKING:
     from lockedjoint.nlp.arrays import FloatArray
     from lockedjoint.robots.measure import Jacobians
 
+# A Jacobian counts as optimally failure tolerant within this share.
+_TOLERANCE = 1e-6
+
 
 def measure(
     file: Path,
     robot: FieldsOfTask,
     failing: Failures,
     q: str | InDegrees | None = None,
-    relative_tolerance: float = 1e-6,
+    relative_tolerance: float | None = None,
     columns: list[str] | None = None,
     out: Path | None = None,
 ) -> Answer:
@@ -50,7 +53,8 @@ def measure(
     q
         Only robots have one; by default it is midway between the limits.
     relative_tolerance
-        A relative tolerance: that of the verdict that a Jacobian is optimally failure tolerant.
+        A relative tolerance: that of the verdict that a Jacobian is optimally failure tolerant,
+        by default 1e-6. No robot has one.
     out
         The file that is written: all that is measured, as JSON.
     """
@@ -60,19 +64,25 @@ def measure(
     named = ":" in str(file) and not file.exists()  # a robot of a package
     found: Any = str(file) if named else opened(file)
     if isinstance(found, Jacobians):
-        _refuse_of_matrix(robot, q)
+        _refuse_of_matrix(robot, q, columns)
         prepare_file(out, inputs=[found.path])
-        return _of_jacobians(found, failing, relative_tolerance, out)
+        tolerance = _TOLERANCE if relative_tolerance is None else relative_tolerance
+        return _of_jacobians(found, failing, tolerance, out)
+    if relative_tolerance is not None:
+        allowed = "none of a robot, only of a Jacobian"
+        raise InputError("--relative-tolerance", relative_tolerance, allowed)
     stated = q.stated if isinstance(q, InDegrees) else q
     prepare_file(out, inputs=[file, Path(stated or file)])
     return _of_robot(found, robot, failing, q, columns, out)
 
 
-def _refuse_of_matrix(robot: FieldsOfTask, q: str | InDegrees | None) -> None:
+def _refuse_of_matrix(
+    robot: FieldsOfTask, q: str | InDegrees | None, columns: list[str] | None
+) -> None:
     """Raise InputError if an option is given that only a robot has."""
-    given = robot if q is None else {**robot, "q": q}
-    for name, value in given.items():
-        raise InputError(f"--{name}", value, "none of a Jacobian, only of a robot")
+    for name, value in {**robot, "q": q, "columns": columns}.items():
+        if value is not None:
+            raise InputError(f"--{name}", "given", "none of a Jacobian, only of a robot")
 
 
 def _of_jacobians(
@@ -116,7 +126,7 @@ def _of_robot(
 
 
 def jacobian_values(
-    jacobian: FloatArray, failing: Failures, tolerance: float = 1e-6
+    jacobian: FloatArray, failing: Failures, tolerance: float = _TOLERANCE
 ) -> dict[str, Any]:
     """Return what `measure` shows of a Jacobian, shape (m, n), by name."""
     from lockedjoint.formulations.bounds.certified import sharpest_worst_case_of

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Annotated, Any, get_args, get_origin
 
@@ -112,6 +112,8 @@ def command(function: Callable[..., Answer | None], **settings: Any) -> click.Co
 
     def run(as_json: bool, angles: str | None = None, **values: Any) -> None:
         chosen: dict[str, Any] = {k: v for k, v in values.items() if _is_given(v)}
+        if as_json and not shows_itself:
+            refuse_columns(chosen.get("columns"))
         if angles == "deg":
             chosen |= {k: InDegrees(v) for k, v in chosen.items() if k in OF_JOINTS}
         for name, (make, own_fields) in groups.items():
@@ -125,6 +127,13 @@ def command(function: Callable[..., Answer | None], **settings: Any) -> click.Co
     title = function.__name__.replace("_", "-")
     text = description(function.__doc__ or "")
     return click.Command(title, params=parameters, callback=run, help=text, **settings)
+
+
+def refuse_columns(columns: Sequence[str] | None) -> None:
+    """Raise InputError if columns are given to a command whose JSON has all of them."""
+    if columns is not None:
+        allowed = "none with --json, which has all columns"
+        raise InputError("--columns", ",".join(columns), allowed)
 
 
 def _unit_of_angles(parameters: Collection[click.Parameter]) -> list[click.Parameter]:

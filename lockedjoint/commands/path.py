@@ -23,7 +23,8 @@ from lockedjoint.commands.output import INTERRUPTED, Answer, as_table, as_text
 from lockedjoint.commands.shared import (
     NOT_CHECKED,
     RobotOnPath,
-    look_of,
+    check_style,
+    checked_effort,
     looking_like,
     source_file,
 )
@@ -43,9 +44,6 @@ _PATH_FILES = ("path.csv", "path.json")
 _PICTURE_FILE = "path.svg"
 # File that says how to go on after each failure that is survived.
 _RECOVERIES_FILE = "recoveries.npz"
-# Distance from a whole number up to which the place of a sample is a waypoint: places on the
-# path count waypoints, and this is rounding.
-_PLACE_TOLERANCE = 1e-9
 # Distance of the timed tool from the path above which a note names remedies.
 _LARGE_OFF_PATH_M = 1e-3
 # Rows of the task that are the tool's position along x, y and z.
@@ -103,7 +101,13 @@ def path(
     from lockedjoint.formulations.io.table import Table, chosen_names
     from lockedjoint.kinematics.chain import narrowed
     from lockedjoint.paths.plan import JointRow
-    from lockedjoint.paths.search import arm_along, plan_path, standing_at, with_approach
+    from lockedjoint.paths.search import (
+        arm_along,
+        check_times,
+        plan_path,
+        standing_at,
+        with_approach,
+    )
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.robot import with_settings
@@ -111,7 +115,8 @@ def path(
     if columns is not None:  # a mistake is better known before the search
         columns = chosen_names("--columns", columns, Table(JointRow, []).columns(every=True))
     tool_path = read_waypoints(waypoints)
-    settings = {"progress": progress, **search, **(effort or {})}
+    settings = {"progress": progress, **search, **checked_effort(effort, PathSearch)}
+    check_times(tool_path, settings)
     path_search = with_settings(PathSearch, None, settings)
     arm = arm_along(robot, tool_path)
     chain = arm.chain
@@ -122,15 +127,17 @@ def path(
         inputs = [source_file(robot), waypoints, figure_style]
         for name in (*_PATH_FILES, _PICTURE_FILE, *TRAJECTORY_FILES, _RECOVERIES_FILE):
             prepare_file(out_dir / name, "--out-dir", inputs)
-    look_of(figure_style)
+    check_style(figure_style, out_dir is not None, "one with --out-dir")
     limits = limits and robot.in_radians(limits)
     standing = None if q is None else standing_at(robot, q, limits)
     plan = plan_path(arm, tool_path, path_search, robot.apart, limits)
     if standing is not None:
         plan = with_approach(plan, robot, *standing, path_search.seed, limits)
-    plain = {"robot": chain.robot, "tip": chain.tip, "seed": path_search.seed, **plan.to_dict()}
+    plain: dict[str, Any] = {"robot": chain.robot, "base": chain.base, "tip": chain.tip}
+    plain |= {"locked": dict(chain.locked_at), "seed": path_search.seed, **plan.to_dict()}
     plain["task"] = list(arm.task.directions)
-    notes = (*chain.notes, *tool_path.notes)
+    until_failure = narrowed(chain, limits or {})
+    notes = (*until_failure.notes, *tool_path.notes)
     notes += () if plan.approach is None else plan.approach.notes
     if robot.apart is not None:
         plain["unchecked_links"] = list(robot.apart.unchecked)
@@ -138,7 +145,6 @@ def path(
     timed = None
     if motion_limits is not None:
         has_position = set(arm.task.rows) >= _POSITION_ROWS
-        until_failure = narrowed(chain, limits or {})
         timed = _timed(until_failure, plan, motion_limits, timing, has_position)
         if robot.apart is not None:
             timed.check_clear(ClearMotion(robot.apart, chain))
@@ -251,20 +257,21 @@ def _timed(
     `has_position` says whether the task has the tool's whole position: then the distance from
     the path is measured, too.
     """
+    import numpy as np
+
     from lockedjoint.paths.timing import joined, timed
+    from lockedjoint.paths.waypoints import at_waypoints
 
     stops = []
     if timing.corners == "stop":
-        stops = [
-            sample
-            for sample, place in enumerate(plan.places)
-            if abs(place - round(place)) < _PLACE_TOLERANCE
-        ]
+        stops = at_waypoints(plan.places).tolist()
     positions = plan.poses.positions if has_position else None
-    on_path = timed(chain, plan.planned.configurations, limits, stops, timing.step, positions)
+    q, step = plan.planned.configurations, timing.step
+    on_path = timed(chain, q, limits, stops, step, positions, plan.places)
     if plan.approach is None or len(plan.approach.configurations) == 1:
         return on_path
     corners = plan.approach.configurations
-    approach = timed(chain, corners, limits, range(len(corners)), timing.step)
+    every, before = range(len(corners)), np.full(len(corners), plan.places[0])
+    approach = timed(chain, corners, limits, every, step, places=before)
     both = joined([approach, on_path])
     return replace(both, off_path=on_path.off_path, begins=approach.duration)

@@ -20,7 +20,7 @@ import click
 
 from lockedjoint.commands.bars import progress
 from lockedjoint.commands.output import as_table, as_text, say, shown, warn
-from lockedjoint.commands.shared import look_of, looking_like
+from lockedjoint.commands.shared import check_style, looking_like
 from lockedjoint.nlp.errors import InputError, one_of
 
 if TYPE_CHECKING:
@@ -213,10 +213,9 @@ def realise(
     from lockedjoint.synthesis import from_jacobian
     from lockedjoint.synthesis.links import link_gap
 
-    _check_options(arrangement, to, as_json)
-    if to != "choice":
-        prepare_file(out, inputs=[file, figure_style])
-    look_of(figure_style)
+    _check_options(arrangement, to, out, as_json)
+    prepare_file(out, inputs=[file, figure_style])
+    check_style(figure_style, to == "figure", "one with --to figure")
     name, matrix = only_jacobian(file)
     if name.endswith(NO_ANSWER):
         warn(f"Note: this is a robot of what {file} has: {name}.")
@@ -247,7 +246,7 @@ def realise(
         say(json.dumps(summary, indent=1) if as_json else lines)
         return
     form = "svg" if out is None else out.suffix.lower().removeprefix(".")
-    if to == "ranking" and not as_json:
+    if to == "ranking":
         content = ranking.encode()
     else:
         content = _content(made, to, form, figure_style, summary if as_json else None)
@@ -262,11 +261,13 @@ def realise(
         say(lines)
 
 
-def _check_options(arrangement: Arrangement, to: str, as_json: bool) -> None:
+def _check_options(arrangement: Arrangement, to: str, out: Path | None, as_json: bool) -> None:
     """Refuse options that do not go together: InputError."""
     one_of("--to", to, _FORMS)
-    if as_json and to == "figure":
-        raise InputError("--json", "given", "none with --to figure")
+    if as_json and to in ("figure", "ranking"):
+        raise InputError("--json", "given", f"none with --to {to}")
+    if out is not None and to == "choice":
+        raise InputError("--out", out, "none with --to choice, which is only printed")
     if arrangement.is_given and to == "ranking":
         raise InputError("--to", to, "none with --order")
     if arrangement.is_given and arrangement.criterion is not None:

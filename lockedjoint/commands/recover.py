@@ -15,13 +15,15 @@ from lockedjoint.commands.bars import progress
 from lockedjoint.commands.options import FieldsOf
 from lockedjoint.commands.output import UNSUCCESSFUL, Answer, as_text
 from lockedjoint.commands.posture import near
-from lockedjoint.commands.shared import DamagedRobot, source_file
+from lockedjoint.commands.shared import DamagedRobot, checked_effort, source_file
+from lockedjoint.formulations.io.files import real_in
 from lockedjoint.kinematics.in_degrees import InDegrees
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.recovery.recovery_search import RecoverySearch
 
 if TYPE_CHECKING:
     from lockedjoint.kinematics.pose import Pose
+    from lockedjoint.paths.plan_in_time import RestOfPlan
     from lockedjoint.paths.waypoints import ToolPath
     from lockedjoint.recovery.answers import Recovery
     from lockedjoint.recovery.failures import Failure
@@ -74,7 +76,10 @@ def recover(
         are along the axes of the base, or with tip: before them, as in tip:vz, of the tip at
         the goal. By default all count that the goal has.
     waypoints
-        It is given instead of --at: the path that is to be followed, or its rest.
+        It is given instead of --at: the path that is to be followed, or its rest. FILE@SECONDS
+        is the rest of a plan: FILE is the path.json of `path --out-dir`, and SECONDS when
+        joints fail, as the column t (s) of trajectory.csv has it if the plan is timed, and
+        otherwise that of path.csv. Then the plan says where the arm is, and --q is not given.
     acceleration
         Largest accelerations of the joints, rad/s² or m/s², or one for all; by default the
         largest velocity is reached in half a second.
@@ -89,21 +94,29 @@ def recover(
         trajectory.ros2_control.csv; or proof.json, if the goal is proved to be out of reach.
     """
     from lockedjoint.formulations.io.files import prepare_file, write_text
+    from lockedjoint.paths.plan_in_time import RestOfPlan
     from lockedjoint.paths.timing import TRAJECTORY_FILES
     from lockedjoint.recovery.recover import recover as recover_arm
     from lockedjoint.robot import with_settings
 
     goal = _goal(at, tolerance, task, waypoints)
+    if q is not None and isinstance(goal, RestOfPlan):
+        raise InputError("--q", q, "none with the rest of a plan, which has a configuration")
     failures = _failures(locked or {}, reduced or [], robot.in_radians)
     if out_dir is not None:
+        inputs = [source_file(robot), None if waypoints is None else _plan_at(waypoints)[0]]
         for name in (*TRAJECTORY_FILES, _PROOF):
-            prepare_file(out_dir / name, "--out-dir", [source_file(robot), waypoints])
-    settings = {"progress": progress, **search, **(effort or {})}
+            prepare_file(out_dir / name, "--out-dir", inputs)
+    settings = {"progress": progress, **search, **checked_effort(effort, RecoverySearch)}
     chosen = with_settings(RecoverySearch, None, settings)
     how = {"acceleration": acceleration, "velocity": velocity, "jerk": jerk}
     answer = recover_arm(robot, q, failures, goal, chosen, **how)
     plain = {"robot": robot.name, "tip": robot.tip, "seed": chosen.seed, **answer.to_dict()}
-    text = _text(answer)
+    shown: dict[str, object] = {}
+    if isinstance(goal, RestOfPlan):
+        plain |= {"plan": goal.to_dict()}
+        shown = {"from the plan": str(goal)}
+    text = _text(answer, shown)
     if out_dir is not None:
         files = {} if answer.trajectory is None else answer.trajectory.files()
         if answer.proof is not None:
@@ -157,9 +170,10 @@ def _failures(
 
 def _goal(
     at: Pose | None, tolerance: list[float] | None, task: str | None, waypoints: Path | None
-) -> ToolGoal | ToolPath:
+) -> ToolGoal | ToolPath | RestOfPlan:
     """Return where the tool is to be; InputError if options contradict."""
     from lockedjoint.kinematics.task_space import TaskSpace
+    from lockedjoint.paths.read_plan import read_plan
     from lockedjoint.paths.waypoints import read_waypoints
     from lockedjoint.recovery.goal import ToolGoal
 
@@ -170,15 +184,28 @@ def _goal(
         for name, value in (("--tolerance", tolerance), ("--task", task)):
             if value is not None:
                 raise InputError(name, value, "none with --waypoints")
-        return read_waypoints(waypoints)
+        file, time = _plan_at(waypoints)
+        return read_waypoints(file) if time is None else read_plan(file).after(time)
     pose = near(at, tolerance)
     assert pose is not None
     return ToolGoal(pose, None if task is None else TaskSpace.parse(task))
 
 
-def _text(answer: Recovery) -> str:
-    """Return an answer in lines."""
-    shown: dict[str, object] = {"answer": answer.verdict}
+def _plan_at(waypoints: Path) -> tuple[Path, float | None]:
+    """Return the file of waypoints, and the time in seconds after an @, if there is one."""
+    file, at, time = str(waypoints).rpartition("@")
+    if not at or waypoints.exists():
+        return waypoints, None
+    try:
+        return Path(file), real_in(time)
+    except ValueError:
+        allowed = "FILE, or FILE@SECONDS with the path.json of `path`"
+        raise InputError("--waypoints", waypoints, allowed) from None
+
+
+def _text(answer: Recovery, above: Mapping[str, object]) -> str:
+    """Return an answer in lines, after others that stand above it."""
+    shown: dict[str, object] = {**above, "answer": answer.verdict}
     shown |= {f"tried {k}": sentence for k, sentence in enumerate(answer.tried, start=1)}
     run, advice = answer.trajectory, answer.help
     if run is not None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from lockedjoint.commands.bars import progress
-from lockedjoint.commands.options import ARGUMENT
+from lockedjoint.commands.options import ARGUMENT, refuse_columns
 from lockedjoint.commands.output import Answer, as_text, end, say
 from lockedjoint.commands.shared import PICTURES, Outputs, look_of, looking_like
 from lockedjoint.nlp.errors import InputError, one_of
@@ -70,6 +70,8 @@ def compare(
 
     if as_json and to is not None:
         raise InputError("--to", to, "none with --json")
+    if as_json:
+        refuse_columns(columns)
     form = None if to is None else one_of("--to", to, _FORMS)
     if columns is not None:  # a mistake is better known before the solves
         headings = Table(ComparisonRow, []).columns(every=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -135,6 +135,17 @@ def robot_at(
     return robot, robot.configuration(where)[0], notes
 
 
+def checked_effort(effort: Mapping[str, Any] | None, kind: type[Any]) -> dict[str, Any]:
+    """Return what --effort states; InputError if a dataclass has no field of such a name."""
+    from lockedjoint.kinematics.chain import check_named
+
+    given = dict(effort or {})
+    for name in given:
+        known = [one.name for one in fields(kind) if one.init and one.name != "progress"]
+        check_named("--effort", name, known)
+    return given
+
+
 @dataclass(frozen=True)
 class Outputs:
     """The files that a command writes: one for each ending of a name, such as ``.json``."""
@@ -196,6 +207,13 @@ def look_of(style: Path | None) -> Look:
     from lockedjoint.figures.style import Look, read_style
 
     return Look() if style is None else read_style(style, "--figure-style")
+
+
+def check_style(style: Path | None, is_drawn: bool, allowed: str) -> None:
+    """Refuse a style file that is wrong, or that is given where no figure is drawn."""
+    if style is not None and not is_drawn:
+        raise InputError("--figure-style", style, allowed)
+    look_of(style)
 
 
 def draw(path: Path | None, style: Path | None, figure: Callable[[], Any]) -> None:

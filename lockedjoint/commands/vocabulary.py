@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from lockedjoint.formulations.io.files import real_in, whole_in
-from lockedjoint.kinematics.in_degrees import ANGLES
+from lockedjoint.kinematics.in_degrees import ANGLES, FromDegrees
 from lockedjoint.nlp.errors import LARGEST, InputError, SolverOptionError
 
 #: A function takes the name of an option, such as ``--seed``, and the text after it, and
@@ -81,6 +81,14 @@ def whole(name: str, text: str) -> int:
         value = LARGEST + 1
     if abs(value) > LARGEST:
         raise InputError(name, text, "a whole number")
+    return value
+
+
+def a_count(name: str, text: str) -> int:
+    """Return a whole number of at least 1; InputError if it is none."""
+    value = whole(name, text)
+    if value < 1:
+        raise InputError(name, text, "a whole number of at least 1")
     return value
 
 
@@ -213,7 +221,8 @@ def _last_in_degrees(count: int, angles: int) -> Reader:
         if len(values) != count:
             return values
         lengths = values[: count - angles]
-        return lengths + [math.radians(value) for value in values[count - angles :]]
+        in_degrees = values[count - angles :]
+        return lengths + [FromDegrees(math.radians(value)) for value in in_degrees]
 
     return read
 
@@ -347,7 +356,7 @@ WORDS: Mapping[str, Word] = {
     ),
     "workers": Word(
         "W",
-        whole,
+        a_count,
         says="Worker processes; by default one per core.",
     ),
     "scheduler": Word(

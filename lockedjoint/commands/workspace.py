@@ -17,11 +17,13 @@ from lockedjoint.commands.shared import (
     BareRobot,
     Outputs,
     RobotReach,
+    check_style,
+    checked_effort,
     draw,
-    look_of,
     source_file,
 )
 from lockedjoint.kinematics.in_degrees import far_angles
+from lockedjoint.workspaces.workspace_search import CubeSearch, WorkspaceSearch
 
 if TYPE_CHECKING:
     from lockedjoint.workspaces.workspace import Workspace
@@ -71,8 +73,9 @@ def workspace(
 
     endings = (".json", ".npz", ".ply", *PICTURES)
     files = Outputs.checked(out, endings, [source_file(robot), figure_style])
-    look_of(figure_style)
-    chosen: Any = {"optimise": optimise, "progress": progress, **(effort or {})}
+    check_style(figure_style, files.picture is not None, "one with a picture as --out")
+    tried = checked_effort(effort, WorkspaceSearch)
+    chosen: Any = {"optimise": optimise, "progress": progress, **tried}
     result = workspace_of(robot, limits=limits, orientation=orientation, **chosen)
     parts = {files.of(".npz"): result.points_file, files.of(".ply"): result.mesh_file}
     wanted = [path for path in parts if path is not None]
@@ -121,8 +124,8 @@ def prove_workspace(
     from lockedjoint.workspaces.of_robot import prove_workspace as proved
 
     files = Outputs.checked(out, (".npz", *PICTURES), [source_file(robot), figure_style])
-    look_of(figure_style)
-    given: Any = {"progress": progress, **(effort or {})}
+    check_style(figure_style, files.picture is not None, "one with a picture as --out")
+    given: Any = {"progress": progress, **checked_effort(effort, CubeSearch)}
     found = proved(robot, limits=limits, **given)
     sentence = "Interrupted: what was proved until then is above."
     failure = [] if found.complete else [sentence]

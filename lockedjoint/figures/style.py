@@ -208,9 +208,14 @@ def _inches(text: str, argument: str) -> tuple[float, float]:
 def _settings(path: str | Path, argument: str) -> Mapping[str, object]:
     """Read the settings of a style file by name; FileError if matplotlib refuses one."""
     figure_class()  # raises MissingLibraryError without matplotlib
-    from matplotlib import colormaps, rc_params_from_file
+    from matplotlib import colormaps, rc_params_from_file, rcParams
 
     try:
+        # Matplotlib passes over lines that it does not understand, with a warning.
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
+        keys = [line.partition("#")[0].partition(":")[0].strip() for line in lines]
+        for key in (key for key in keys if key and key not in rcParams):
+            raise ValueError(f"{key} is no setting")
         settings = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
         if (name := settings.get("image.cmap")) is not None and name not in colormaps:
             raise ValueError(f"image.cmap is {name}, which is no colormap")

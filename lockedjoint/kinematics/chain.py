@@ -1,5 +1,6 @@
 """The joints between two links of a robot, as one chain of motions."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from lockedjoint.formulations.io.objects import Brief
 from lockedjoint.kinematics.geometry import BoolArray
+from lockedjoint.kinematics.in_degrees import FromDegrees
 from lockedjoint.kinematics.motion import Motion, Transform
 from lockedjoint.kinematics.normal_form import NormalForm
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
@@ -220,7 +222,8 @@ class Chain(Brief):
     ) -> FloatArray:
         """Return the configuration; InputError if it is outside the joints' limits.
 
-        `in_degrees` says that it was stated in degrees: the error does not ask for them then.
+        `in_degrees` says that it was stated in degrees: the error has the limits in degrees,
+        too, and does not ask.
         """
         point = finite_vector("configuration", configuration, len(self.joints))
         for joint, value in zip(self.joints, point, strict=True):
@@ -249,16 +252,16 @@ def narrowed(
     hardly_meant = list(chain.hardly_meant)
     for each, (lower, upper) in limits.items():
         check_named(f"joint of {name}", each, chain.names)
-        joint = joints[each]
+        joint, in_degrees = joints[each], isinstance(lower, FromDegrees)
         least, most = max(lower, joint.lower), min(upper, joint.upper)
         if not least < most:
-            own = f"[{joint.lower:g}, {joint.upper:g}] {joint.unit}"
+            own = range_text(joint.lower, joint.upper, joint.prismatic, in_degrees)
+            given = range_text(lower, upper, joint.prismatic)
             allowed = f"lower < upper, with room in the robot's {own}"
-            raise InputError(
-                f"{name} of {each}", f"[{lower:g}, {upper:g}] {joint.unit}", allowed
-            )
+            raise InputError(f"{name} of {each}", given, allowed)
         beyond = lower < joint.lower or upper > joint.upper
-        if beyond and not joint.prismatic and 2 * np.pi < max(-lower, upper) < np.inf:
+        hardly = not (joint.prismatic or in_degrees)
+        if beyond and hardly and 2 * np.pi < max(-lower, upper) < np.inf:
             hardly_meant.append(each)
         joints[each] = replace(joint, lower=least, upper=most)
     return replace(
@@ -276,15 +279,27 @@ def check_limits(
 ) -> None:
     """Raise InputError, which says the unit, unless a position is within a joint's limits.
 
-    An angle beyond two turns may be meant in degrees: the error asks, unless it was stated so.
+    An angle beyond two turns may be meant in degrees: the error asks. If it was stated so, also
+    as `FromDegrees`, the error has the limits in degrees, too.
     """
     if not lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
+        in_degrees = in_degrees or isinstance(value, FromDegrees)
         unit = "m" if prismatic else "rad"
-        allowed = f"within [{lower:.7g}, {upper:.7g}] {unit}"
+        allowed = f"within {range_text(lower, upper, prismatic, in_degrees)}"
         if abs(value) > TWO_TURNS and not (prismatic or in_degrees):
             allowed += '; in degrees? --angles deg, or "angles": "deg" in a file'
         raise InputError(f"joint {name}", f"{value:.7g} {unit}", allowed)
     check_size(f"joint {name}", value)
+
+
+def range_text(
+    lower: float, upper: float, prismatic: bool = False, in_degrees: bool = False
+) -> str:
+    """Return limits with their unit, radians or metres, and perhaps in degrees, too."""
+    text = f"[{lower:.7g}, {upper:.7g}] {'m' if prismatic else 'rad'}"
+    if prismatic or not in_degrees:
+        return text
+    return f"{text}, which is [{math.degrees(lower):.7g}, {math.degrees(upper):.7g}]°"
 
 
 def check_named(argument: str, name: str, names: Sequence[str], still: str = "") -> None:

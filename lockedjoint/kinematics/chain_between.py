@@ -57,6 +57,7 @@ def chain_between(
     base: str | None = None,
     locked_at: Mapping[str, float] | None = None,
     point: Sequence[float] = (0.0, 0.0, 0.0),
+    argument: str = "joint of locked_at",
 ) -> Chain:
     """Return the chain from one link to another.
 
@@ -74,6 +75,8 @@ def chain_between(
         Joints that have locked, by name, and where, in radians or metres.
     point
         The point of the tip's link whose velocity is taken, in its frame, in metres.
+    argument
+        How errors name a joint that has locked.
 
     Raises
     ------
@@ -91,7 +94,7 @@ def chain_between(
     driven = _driven_joints(tree, path)
     known = {driver.name: driver for _, driver, _, _ in driven.values()}
     for name, value in locked_at.items():
-        check_named("joint of locked_at", name, list(known))
+        check_named(argument, name, list(known))
         limit, slides = known[name].limit, known[name].type == "prismatic"
         check_limits(name, value, limit.lower, limit.upper, slides)
     moving = [
@@ -111,7 +114,7 @@ def chain_between(
     fixed = {**immobile, **locked_at}
     drivers = tuple(joint for joint in ranged if joint.name not in immobile)
     if not drivers:
-        shown = f" ({listed(list(immobile))} cannot move)" if immobile else ""
+        shown = f" ({listed(list(fixed))} cannot move)" if fixed else ""
         allowed = f"a link that free joints move{shown}"
         raise InputError("tip", f"{tip}, which nothing moves relative to the base", allowed)
     variables = {driver.name: k for k, driver in enumerate(drivers)}

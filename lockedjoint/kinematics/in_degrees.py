@@ -43,6 +43,12 @@ class InDegrees:
         return f"{self.stated!r} in degrees"
 
 
+class FromDegrees(float):
+    """An angle in radians that was stated in degrees: it was meant so, however large it is."""
+
+    __slots__ = ()
+
+
 def far_angles(
     name: str, radians: Sequence[float], remedy: str = "--angles deg states them"
 ) -> tuple[str, ...]:
@@ -50,7 +56,11 @@ def far_angles(
 
     The name is of the option or the argument.
     """
-    far = [f"{angle:g}" for angle in radians if abs(angle) > _TWO_TURNS_RAD]
+    far = [
+        f"{angle:g}"
+        for angle in radians
+        if abs(angle) > _TWO_TURNS_RAD and not isinstance(angle, FromDegrees)
+    ]
     if not far:
         return ()
     return (
@@ -79,4 +89,5 @@ def in_radians(stated: Any, slides: Collection[str], names: Sequence[str] = ()) 
 def _times(joint: str, value: Any) -> Any:
     """Return a number or a pair of numbers in radians."""
     values = as_floats(f"degrees of {joint}", value) * ANGLES["deg"]
-    return values.item() if values.ndim == 0 else tuple(np.ravel(values).tolist())
+    radians = [FromDegrees(angle) for angle in np.ravel(values).tolist()]
+    return radians[0] if values.ndim == 0 else tuple(radians)

@@ -19,12 +19,14 @@ mujoco.MjModel            see `read_mujoco`
 from __future__ import annotations
 
 import os
+import re
 import sys
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from lockedjoint.kinematics.chain import nearest
 from lockedjoint.kinematics.read_dh_table import dh_tree
 from lockedjoint.kinematics.read_mujoco import mjcf_tree, mujoco_tree
 from lockedjoint.kinematics.read_pinocchio import pinocchio_tree
@@ -36,14 +38,21 @@ from lockedjoint.kinematics.read_urdf import (
     yourdfpy_tree,
 )
 from lockedjoint.kinematics.tree import RobotTree
-from lockedjoint.nlp.errors import InputError, MissingLibraryError
+from lockedjoint.nlp.errors import FileError, InputError, MissingLibraryError
 
 # The arm with this name comes with the library; a file with this name is read instead.
 _EXAMPLE = "example"
+# A text like this could be such a name, written wrong; files of robots have an ending.
+_WORD = re.compile(r"[\w-]{1,100}")
 # The description of this arm.
 _EXAMPLE_FILE = Path(__file__).with_name("example.urdf")
 # This package has descriptions of robots.
 _DESCRIPTIONS = "robot_descriptions"
+# An error says so which files are allowed.
+_FILES = (
+    "the path of a URDF, of an MJCF file, or of a Denavit–Hartenberg table in .csv; "
+    f"{_DESCRIPTIONS}:NAME"
+)
 # An error says so which sources are allowed.
 _SOURCES = (
     "the path of a URDF, of an MJCF file, or of a Denavit–Hartenberg table in .csv; or a "
@@ -124,6 +133,9 @@ def robot_file(source: str | os.PathLike[str]) -> Path:
         return _EXAMPLE_FILE
     package, colon, name = os.fspath(source).partition(":")
     if package != _DESCRIPTIONS or not colon:
+        if _WORD.fullmatch(package) and not colon and not Path(package).exists():
+            near = nearest(package, [_EXAMPLE])
+            raise FileError("robot", package, f"{_FILES}, or {_EXAMPLE}{near}")
         return Path(source)
     if find_spec(package) is None:
         raise MissingLibraryError(package)

@@ -158,8 +158,9 @@ def _of_mapping(
     still = {**dict(chain.immobile), **dict(chain.locked_at)}
     others = [name for name in values if name not in chain.names and name not in still]
     if missing:
+        unknown = f"; not of the arm: {listed(others)}" if others else ""
         near = nearest(others[0], missing) if others else ""
-        allowed = f"every joint of the arm, {listed(chain.names)}{near}"
+        allowed = f"every joint of the arm, {listed(chain.names)}{unknown}{near}"
         raise InputError("q", f"without {listed(missing)}", allowed)
     for name, at in still.items():
         if name in values and abs(values[name] - at) > _SAME_PLACE_M_OR_RAD:
@@ -212,6 +213,9 @@ def _of_file(path: Path) -> Any:
     if values is not None:
         return InDegrees(values) if unit == "deg" else values
     if isinstance(found, dict):
+        for name in (name for name, value in found.items() if isinstance(value, list | dict)):
+            allowed = "a number; a list under q, or under name and position as in a JointState"
+            raise InputError(f"{name} in {path}", found[name], allowed)
         values = {name: number(f"{name} in {path}", value) for name, value in found.items()}
     elif isinstance(found, list):
         values = [number(f"an entry of {path}", value) for value in found]

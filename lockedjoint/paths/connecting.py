@@ -21,6 +21,7 @@ from lockedjoint.clearance.motion import ClearMotion
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import Chain
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 # A joint without limits may be planned to go this far to each side of both ends: a turn.
 _BEYOND_M_OR_RAD = 2 * np.pi
@@ -72,6 +73,23 @@ class Connector:
     def is_free(self, q: FloatArray) -> bool:
         """Whether links are apart at a configuration, shape (n,)."""
         return self.clearance is None or bool(self.clearance.is_kept(q[:, None])[0])
+
+    def check_free(self, argument: str, q: FloatArray) -> None:
+        """Raise InputError, with the pair that is too near, unless links are apart at q, (n,).
+
+        The argument is how the error names the configuration.
+        """
+        if self.clearance is None or self.is_free(q):
+            return
+        missing = self.clearance.leasts - self.clearance.gaps(q[:, None])[:, 0]
+        worst = int(np.argmax(missing))
+        pair = self.clearance.closest(q, [self.clearance.pairs[worst]])
+        first, second = pair.links
+        value = f"in collision: {first} and {second} touch"
+        if pair.distance > 0:
+            value = f"where {first} and {second} are {pair.distance:.3g} m apart"
+        least = float(self.clearance.leasts[worst])
+        raise InputError(argument, value, f"where they are at least {least:.3g} m apart")
 
     def is_line_free(self, start: FloatArray, end: FloatArray) -> bool:
         """Whether links keep their distance along a straight line."""

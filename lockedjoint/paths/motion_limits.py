@@ -96,6 +96,10 @@ def for_each(name: str, given: Sequence[float] | float, joints: int) -> FloatArr
     The name is for errors.
     """
     values = np.atleast_1d(as_floats(name, given))
+    if values.ndim == 1 and len(values) not in (1, joints):
+        raise InputError(
+            name, f"{len(values)} numbers", f"{joints}, one a joint, or one for all"
+        )
     return finite_vector(
         name, np.repeat(values, joints) if len(values) == 1 else values, joints
     )

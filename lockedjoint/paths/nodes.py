@@ -329,6 +329,7 @@ class Nodes:
         least = float(np.max(nearest))
         if least > _SPEED_SHARE:
             name = self._names[int(np.argmax(nearest))]
-            more = f"at least {1.1 * least:.2g} times as much time there"
-            return InputError(f"speed of {name} at {where}", f"{least:.3g} of its limit", more)
+            more = f"at least {1.1 * least:.3g} times as much time there"
+            share = f"{least:.3g} times its limit"
+            return InputError(f"speed of {name} at {where}", share, more)
         return InputError(where, "reached from no configuration before it", _ONE_TRAJECTORY)

@@ -95,3 +95,5 @@ class Timing(Brief):
         for name in ("velocity", "jerk"):
             if self.acceleration is None and getattr(self, name) is not None:
                 raise InputError(name, "given alone", "one with an acceleration")
+        if self.acceleration is None and self.corners != CORNERS[0]:
+            raise InputError("corners", self.corners, f"{CORNERS[0]}, without an acceleration")

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lockedjoint.clearance.link_clearance import Closest, LinkClearance
 from lockedjoint.clearance.motion import ClearMotion
@@ -14,8 +15,9 @@ from lockedjoint.kinematics.geometry import BoolArray, IntArray
 from lockedjoint.kinematics.robot_arm import RobotArm
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.paths.approach import Approach
+from lockedjoint.paths.plan_in_time import PlanInTime, RestOfPlan, check_followed
 from lockedjoint.paths.survival import survivors
-from lockedjoint.paths.waypoints import Poses
+from lockedjoint.paths.waypoints import Poses, at_waypoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +145,44 @@ class PathPlan:
         survived = f"{self.planned.share:.1f} % of failures survived"
         return f"<PathPlan: {survived}{beside}, {len(self.times)} samples>"
 
+    @property
+    def waypoints(self) -> FloatArray:
+        """Waypoints, shape (W, 3) or (W, 7): x, y, z and, if it counts, the orientation.
+
+        Metres, and quaternions with the scalar last.
+        """
+        chosen = at_waypoints(self.places)
+        positions = self.poses.positions[chosen]
+        if max(self.poses.rows) < 3:
+            return positions
+        turns = Rotation.from_matrix(self.poses.rotations[chosen])
+        return np.column_stack((positions, turns.as_quat()))
+
+    def after(self, seconds: float) -> RestOfPlan:
+        """Return where the arm is at a time, and the rest of the path, for `recover`.
+
+        Parameters
+        ----------
+        seconds
+            The time, as `times` has it.
+
+        Raises
+        ------
+        InputError
+            If the plan is not under way then, or keeps only some directions of the tool.
+        """
+        check_followed(self.poses.rows)
+        waypoints, q = self.waypoints, self.planned.configurations
+        return PlanInTime(
+            joints=self.joints,
+            positions=waypoints[:, :3],
+            quaternions=waypoints[:, 3:] if waypoints.shape[1] > 3 else None,
+            at_waypoints=q[at_waypoints(self.places)],
+            times=self.times,
+            states=q[None],
+            places=self.places,
+        ).after(seconds)
+
     def joint_rows(self) -> list[dict[str, object]]:
         """Return a line for each joint: shares that survive, and where the others end."""
         rows: list[dict[str, object]] = []
@@ -184,6 +224,7 @@ class PathPlan:
             "unit_of_times": "s",
             "times": self.times.tolist(),
             "places": self.places.tolist(),
+            "waypoints": self.waypoints.tolist(),
             "trajectory": self.planned.to_dict(self.times),
             "minimum_norm": base and base.to_dict(self.times),
         }

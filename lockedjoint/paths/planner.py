@@ -36,12 +36,13 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.following import follow
+from lockedjoint.paths.nearest_pose import nearest_pose
 from lockedjoint.paths.nodes import Nodes
 from lockedjoint.paths.path_search import PathSearch
 from lockedjoint.paths.plan import PathPlan, Trajectory
 from lockedjoint.paths.self_motion_map import SelfMotionMap
 from lockedjoint.paths.survival import on_path, survivors
-from lockedjoint.paths.waypoints import ToolPath, place_name
+from lockedjoint.paths.waypoints import ToolPath, at_waypoints, place_name
 
 # Inverse kinematics has so many random starts at each waypoint.
 _WAYPOINT_STARTS = 30
@@ -75,8 +76,6 @@ _LARGEST_PUSH_M_OR_RAD = 0.3
 _STARTS_PER_TRACK = 6
 # At each sample half of the tracks go this share of the way to the middle of joints' ranges.
 _CENTRE_SHARE = 0.05
-# A place is a waypoint if it differs from a whole number by less: rounding.
-_WAYPOINT_ROUNDING = 1e-9
 # A node is at a configuration if no joint differs by more: rounding.
 _SAME_M_OR_RAD = 1e-9
 # Squared lengths are at least this, so that samples at one place are not divided by 0.
@@ -200,9 +199,7 @@ class Planner:
 
     def check_reach(self) -> None:
         """Raise InputError if a waypoint is out of reach."""
-        waypoints = np.flatnonzero(
-            np.abs(self.places - np.round(self.places)) < _WAYPOINT_ROUNDING
-        )
+        waypoints = at_waypoints(self.places)
         reached, _ = self._on_path(np.repeat(waypoints, _WAYPOINT_STARTS))
         for sample in np.setdiff1d(waypoints, reached).tolist():
             self._reachable(sample)
@@ -224,8 +221,13 @@ class Planner:
         position = ", ".join(f"{x:.4g}" for x in self.poses.positions[sample])
         pose = "a pose" if max(self.poses.rows) > 2 else "a position"
         limits = "that the arm reaches within its joints' limits"
-        limits += asks_for_millimetres(self.poses.positions[sample], "name the column x_mm")
-        raise InputError(where, f"out of reach at ({position})", f"{pose} {limits}")
+        wrong_unit = asks_for_millimetres(self.poses.positions[sample], "name the column x_mm")
+        if wrong_unit:
+            limits += wrong_unit
+        else:
+            near = nearest_pose(self.arm.chain, self.poses.at(sample), self.rng)
+            limits += f"; the nearest found, which is no proof, is {near}"
+        raise InputError(where, f"out of reach at ({position}) m", f"{pose} {limits}")
 
     def _add_map(self) -> FloatArray | None:
         """Add points of all self-motion curves; return the track of minimum norm, (N, n)."""

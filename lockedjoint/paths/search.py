@@ -87,12 +87,24 @@ def path(
     if isinstance(way, str | os.PathLike):
         way = read_waypoints(Path(way))
     chosen = with_settings(PathSearch, search, settings)
+    check_times(way, settings)
     own = None if limits is None else given.in_radians(limits)
     standing = None if q is None else standing_at(given, q, own)
     plan = plan_path(arm_along(given, way), way, chosen, given.apart, own)
     if standing is None:
         return plan
     return with_approach(plan, given, *standing, chosen.seed, own)
+
+
+def check_times(waypoints: object, settings: Mapping[str, Any]) -> None:
+    """Refuse a duration beside waypoints that have times, by which it would mean nothing."""
+    if (
+        "duration" in settings
+        and isinstance(waypoints, ToolPath)
+        and waypoints.times is not None
+    ):
+        allowed = "none where the waypoints have times"
+        raise InputError("duration", settings["duration"], allowed)
 
 
 def standing_at(
@@ -105,10 +117,7 @@ def standing_at(
     point, notes = robot.configuration(q)
     chain = narrowed(robot.chain, limits or {}, "limits")
     chain.within_limits(point)
-    connector = Connector(chain, robot.apart)
-    if not connector.is_free(point):
-        allowed = "a configuration in which links keep their distance"
-        raise InputError("q", "in collision, or nearer to one than the clearance", allowed)
+    Connector(chain, robot.apart).check_free("q", point)
     return point, notes
 
 
@@ -181,9 +190,14 @@ def plan_path(
     allowed = "a LinkClearance, as `read_clearance` returns it"
     of_kind("clearance", clearance, (LinkClearance, type(None)), allowed)
     task = arm.task
-    if task.frame != "base" or not (path.has_orientation or max(task.rows) < 3):
-        allowed = "linear directions along the base's axes; poses allow rotations too"
-        raise InputError("task", f"{','.join(task.directions)} ({task.frame})", allowed)
+    directions = ",".join(task.directions)
+    if task.frame != "base":
+        raise InputError(
+            "task", f"{task.frame}:{directions}", "directions along the base's axes"
+        )
+    if not path.has_orientation and max(task.rows) > 2:
+        allowed = "vx,vy,vz or some of them, because the waypoints have no orientation"
+        raise InputError("task", directions, allowed)
     return Planner(arm, path, search, clearance, limits).plan()
 
 

@@ -58,14 +58,14 @@ def time_law(q: FloatArray, limits: MotionLimits) -> TimeLaw:
 
 def smooth_points(
     law: TimeLaw, limits: MotionLimits, step: float, least: int
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times (N,) and positions, velocities and accelerations (3, N, n) of points.
 
-    They are about a step apart, and at least so many; the limits hold between them, too.
+    They are about a step apart, and at least so many; the limits hold between them, too. Last
+    comes where the points are, (N,), counted in the samples of the way from 0.
     """
     tries = [_points(law, limits, step, least, width) for width in _widths(law, limits, step)]
-    times, states = min(tries, key=lambda one: float(one[0][-1]))
-    return times, states
+    return min(tries, key=lambda one: float(one[0][-1]))
 
 
 def _widths(law: TimeLaw, limits: MotionLimits, step: float) -> list[float]:
@@ -79,8 +79,8 @@ def _widths(law: TimeLaw, limits: MotionLimits, step: float) -> list[float]:
 
 def _points(
     law: TimeLaw, limits: MotionLimits, step: float, least: int, width: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return times and states with a window of a width, stretched until limits hold."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return points with a window of a width, stretched in time until limits hold."""
     whole = law.duration + width
     # The windows make the whole longer by one step, or by two.
     more = 1 if width else 2
@@ -96,4 +96,8 @@ def _points(
     # Messages of ROS have whole nanoseconds: of other times the limits would not hold there.
     nanoseconds = max(int(np.ceil(span * slower * 1e9)), _SHORTEST_STEP_NS)
     stretch = (1e-9 * nanoseconds / span) ** np.arange(3)[:, None, None]
-    return nanoseconds * np.arange(count + 1) / 1e9, states / stretch
+    samples = law.way.x
+    # Differences of integrals are rounded: places must not fall.
+    places = np.maximum.accumulate(smooth.places(times))
+    where = np.interp(places, samples, np.arange(len(samples)))
+    return nanoseconds * np.arange(count + 1) / 1e9, states / stretch, where

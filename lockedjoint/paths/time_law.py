@@ -82,8 +82,8 @@ class SmoothLaw:
 
     def states(self, times: FloatArray) -> FloatArray:
         """Return positions and their first three derivatives, shape (4, N, n)."""
-        place, speed, rate, jerk = (self._place(times, order) for order in range(4))
-        place = np.clip(place, *self.ends)
+        place = self.places(times)
+        speed, rate, jerk = (self._place(times, order) for order in range(1, 4))
         q, slope, bend, twist = (self.way(place, order) for order in range(4))
         speed, rate, jerk = speed[:, None], rate[:, None], jerk[:, None]
         return np.stack(
@@ -94,6 +94,10 @@ class SmoothLaw:
                 twist * speed**3 + 3 * bend * speed * rate + slope * jerk,
             ]
         )
+
+    def places(self, times: FloatArray) -> FloatArray:
+        """Return places on the way, shape (N,)."""
+        return np.clip(self._place(times, 0), *self.ends)
 
     def _place(self, times: FloatArray, order: int) -> FloatArray:
         """Return a derivative of the place, shape (N,)."""

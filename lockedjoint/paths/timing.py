@@ -81,6 +81,9 @@ class TimedTrajectory:
         Of the positions of each joint, rad or m.
     begins
         Seconds from the start to the beginning of the path, while the arm gets there.
+    places
+        Where on a planned path each point is, counted in waypoints from 1, shape (N,): 2.5 is
+        midway from waypoint 2 to 3. None of other ways.
     """
 
     base: str
@@ -96,6 +99,7 @@ class TimedTrajectory:
     jerk: float | None = None
     units: tuple[str, ...] = ()
     begins: float = 0.0
+    places: FloatArray | None = None
 
     @property
     def duration(self) -> float:
@@ -198,6 +202,7 @@ def timed(
     stops: Sequence[int] = (),
     step: float = 0.01,
     path: FloatArray | None = None,
+    places: FloatArray | None = None,
 ) -> TimedTrajectory:
     """Run along configurations as fast as the limits allow, from rest to rest.
 
@@ -216,6 +221,8 @@ def timed(
         where the result would have more than 10 000 points.
     path
         Where the tip is to be at the samples, shape (N, 3); by default where they have it.
+    places
+        Where on a path the samples are, shape (N,); then the result says it of its points.
 
     Raises
     ------
@@ -240,12 +247,13 @@ def timed(
     least = min(_LEAST_POINTS, _MOST_POINTS // (2 * len(laws)))
     step = max(step, total / (_MOST_POINTS - least * len(laws)))
     pieces = [smooth_points(law, limits, step, least) for law in laws]
-    _checked_duration(sum(float(times[-1]) for times, _ in pieces))
-    times, states = pieces[0]
-    for more, others in pieces[1:]:
+    _checked_duration(sum(float(times[-1]) for times, _, _ in pieces))
+    times, states, where = pieces[0]
+    for first, (more, others, ahead) in zip(ends[1:], pieces[1:], strict=False):
         times = np.concatenate([times, times[-1] + more[1:]])
         # The rest at a stop is the end of the piece before.
         states = np.concatenate([states, others[:, 1:]], axis=1)
+        where = np.concatenate([where, first + ahead[1:]])
     between = Quintic.through(times, states)
     speed, acceleration, jerk = limits.shares(between.largest())
     way = between.positions()
@@ -267,6 +275,7 @@ def timed(
         float(np.max(off_lines(chain.tip_at(way.T)[0].T, corners)[0])),
         None if limits.jerk is None else jerk,
         tuple(joint.unit for joint in chain.joints),
+        places=None if places is None else np.interp(where, np.arange(len(samples)), places),
     )
 
 
@@ -274,6 +283,9 @@ def joined(runs: Sequence[TimedTrajectory]) -> TimedTrajectory:
     """Return trajectories of the same joints, each from where the one before ends, as one."""
     whole = runs[0]
     for run in runs[1:]:
+        places = None
+        if whole.places is not None and run.places is not None:
+            places = np.concatenate([whole.places, run.places[1:]])
         whole = replace(
             whole,
             times=np.concatenate([whole.times, whole.duration + run.times[1:]]),
@@ -285,6 +297,7 @@ def joined(runs: Sequence[TimedTrajectory]) -> TimedTrajectory:
             acceleration=max(whole.acceleration, run.acceleration),
             off_path=max(whole.off_path, run.off_path),
             jerk=None if run.jerk is None else max(whole.jerk or 0.0, run.jerk),
+            places=places,
         )
     return whole
 

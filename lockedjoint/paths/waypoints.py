@@ -30,9 +30,9 @@ _QUATERNION = ("qx", "qy", "qz", "qw")
 _TIME = "t"
 # An error of a table of waypoints allows this.
 _ALLOWED = (
-    "columns x,y,z (metres) and, for poses, roll,pitch,yaw (radians) or qx,qy,qz,qw; t "
-    "(seconds) may come besides; units may be stated as in x_mm or roll_deg; without a header "
-    "three, six or seven numbers"
+    "columns x,y,z (metres), with commas between, and, for poses, roll,pitch,yaw (radians) or "
+    "qx,qy,qz,qw; t (seconds) may come besides; units may be stated as in x_mm or roll_deg; "
+    "without a header three, six or seven numbers"
 )
 # The name of a column of positions may end so: the number says how many metres its unit has.
 _METRES = {"_m": 1.0, "_cm": 0.01, "_mm": 0.001}
@@ -56,6 +56,8 @@ _IN_DEGREES = (*_POSITION, *(f"{angle}_deg" for angle in _ANGLES))
 _MOST_WAYPOINTS = 1000
 # A quaternion may be longer or shorter than 1 by less than this.
 _QUATERNION_SLACK = 1e-2
+# A place is a waypoint if it differs from a whole number by less: rounding.
+_WAYPOINT_ROUNDING = 1e-9
 # A radian counts for so many metres where times are shared out by length.
 _METRES_PER_RADIAN = 0.3
 
@@ -189,9 +191,14 @@ class ToolPath(Brief):
         return np.asarray(lengths)
 
 
+def at_waypoints(places: FloatArray) -> IntArray:
+    """Return which samples are at waypoints, by their places, shape (N,)."""
+    return np.flatnonzero(np.abs(places - np.round(places)) < _WAYPOINT_ROUNDING)
+
+
 def place_name(place: float) -> str:
     """Return where a sample is, in words: ``waypoint 2``, ``between waypoints 2 and 3``."""
-    if abs(place - round(place)) < 1e-9:
+    if abs(place - round(place)) < _WAYPOINT_ROUNDING:
         return f"waypoint {round(place)}"
     return f"the path between waypoints {int(place)} and {int(place) + 1}"
 
@@ -236,7 +243,9 @@ def read_waypoints(path: Path | str) -> ToolPath:
     if not lines:
         raise FileError("waypoints", str(path), "a file with waypoints, which is not empty")
     head = [cell.strip().lower() for cell in lines[0]]
-    if {_unit(name)[0] for name in head} & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}:
+    known = {_unit(name)[0] for name in head} & {*_POSITION, *_ANGLES, *_QUATERNION, _TIME}
+    # A line without any number is a head, too: `_columns` says which heads it knows.
+    if known or not any(map(_is_number, head)):
         return ToolPath(*_columns(head, lines[1:]))
     return ToolPath(*_columns(None, lines))
 
@@ -311,6 +320,15 @@ def _columns(
         quaternions = Rotation.from_euler("xyz", columns(*_ANGLES)).as_quat()
     times = columns(_TIME)[:, 0] if _TIME in head else None
     return columns(*_POSITION), quaternions, times, notes
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number, NaN and infinity included."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _unit(name: str) -> tuple[str, float]:

@@ -22,7 +22,7 @@ from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.connecting import SearchLimit
 from lockedjoint.paths.following import follow
 from lockedjoint.paths.timing import TimedTrajectory, joined, off_lines
-from lockedjoint.paths.waypoints import Poses, ToolPath
+from lockedjoint.paths.waypoints import Poses, ToolPath, at_waypoints
 from lockedjoint.recovery.answers import Recovery
 from lockedjoint.recovery.checking import faults, tip_pose
 from lockedjoint.recovery.configurations import GoalSearch
@@ -127,7 +127,7 @@ def _along(
 def _sampled(path: ToolPath, count: int) -> tuple[Poses, list[int]]:
     """Return samples of a path, and those at which it has corners, where the arm stops."""
     _, poses, places = path.sampled(count, 1.0)
-    waypoints = np.flatnonzero(np.abs(places - np.round(places)) < 1e-9)
+    waypoints = at_waypoints(places)
     stops = []
     for k in waypoints[1:-1].tolist():
         before, after = np.diff(poses.positions[k - 1 : k + 2], axis=0)

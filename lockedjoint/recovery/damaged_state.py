@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import check_limits
 from lockedjoint.nlp.arrays import FloatArray, finite_vector
-from lockedjoint.nlp.errors import InputError, of_kind
+from lockedjoint.nlp.errors import of_kind
 from lockedjoint.paths.connecting import Connector
 from lockedjoint.paths.motion_limits import MotionLimits, for_each
 from lockedjoint.paths.timing import TimedTrajectory, timed
@@ -66,9 +66,7 @@ class DamagedState:
             check_limits(f"{joint.name}, where it hangs,", place, joint.lower, joint.upper)
             whole = arm.whole(begin[None])[0]
         connector = Connector(arm.chain, clearance)
-        if not connector.is_free(begin):
-            allowed = "a configuration in which links keep their distance"
-            raise InputError("start", "in collision", allowed)
+        connector.check_free("start", begin)
         healthy = np.array([joint.velocity for joint in arm.healthy.joints])
         given = healthy if velocity is None else for_each("velocity", velocity, len(whole))
         fastest = np.where(np.isfinite(given), given, _SPEED_PER_S)[arm.free]

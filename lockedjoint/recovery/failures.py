@@ -162,7 +162,7 @@ class Damage:
         robot = Robot.of(robot)
         healthy = robot.chain
         stated = list_of(failures)
-        _check(healthy, stated)
+        check_failures(healthy, stated)
         placed = tuple(_placed(failure, healthy, start) for failure in stated)
         if start is not None:
             placed = turned_to(start, healthy, placed)
@@ -268,8 +268,11 @@ def _turns(angle: float) -> float:
     return float(2 * np.pi * np.round(angle / (2 * np.pi)))
 
 
-def _check(healthy: Chain, failures: Sequence[Failure]) -> None:
-    """Refuse unknown joints, failures that contradict each other, and two joints that swing."""
+def check_failures(healthy: Chain, failures: Sequence[Failure]) -> None:
+    """Refuse unknown joints, failures that contradict each other, and two joints that swing.
+
+    InputError also if a joint has locked outside its limits.
+    """
     kinds_of: dict[str, set[type]] = {}
     for failure in failures:
         of_kind("failure", failure, get_args(Failure), _KINDS)
@@ -300,8 +303,9 @@ def _reduced(chain: Chain, failure: Failure) -> Chain:
         return chain
     if isinstance(failure, ReducedRange):
         where = f"range of {failure.joint}"
-        ends = [real_number(where, end, _FINITE) for end in (failure.lower, failure.upper)]
-        return narrowed(chain, {failure.joint: (ends[0], ends[1])}, "range")
+        for end in (failure.lower, failure.upper):
+            real_number(where, end, _FINITE)
+        return narrowed(chain, {failure.joint: (failure.lower, failure.upper)}, "range")
     allowed = "a share of the largest speed, above 0 and at most 1"
     share = real_number(
         f"speed of {failure.joint}", failure.share, allowed, _LEAST_SPEED_SHARE, 1.0

@@ -20,13 +20,14 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, of_kind
 from lockedjoint.nlp.progress import Step
 from lockedjoint.paths.connecting import SearchLimit
+from lockedjoint.paths.plan_in_time import RestOfPlan
 from lockedjoint.paths.waypoints import ToolPath
 from lockedjoint.recovery.along_path import recover_path
 from lockedjoint.recovery.answers import Recovery
 from lockedjoint.recovery.checking import faults
 from lockedjoint.recovery.configurations import GoalSearch
 from lockedjoint.recovery.damaged_state import DamagedState
-from lockedjoint.recovery.failures import Damage, Failure, Locked, list_of
+from lockedjoint.recovery.failures import Damage, Failure, Locked, check_failures, list_of
 from lockedjoint.recovery.goal import ToolGoal
 from lockedjoint.recovery.recovery_search import RecoverySearch
 from lockedjoint.recovery.swinging import swinging_run
@@ -41,7 +42,7 @@ def recover(
     robot: object,
     q: Any,
     failures: Failure | Sequence[Failure],
-    goal: ToolGoal | Pose | ToolPath,
+    goal: ToolGoal | Pose | ToolPath | RestOfPlan,
     search: RecoverySearch | None = None,
     *,
     acceleration: Sequence[float] | float | None = None,
@@ -58,7 +59,7 @@ def recover(
         its obstacles, after the failure too.
     q
         The configuration of the arm: radians or metres of all joints, those that fail included;
-        see `Robot.configuration`.
+        see `Robot.configuration`. None if the goal is the rest of a plan, which has it.
     failures
         One failure, or a list: joints that have locked (`Locked`), or are left a smaller range
         (`ReducedRange`) or speed (`ReducedSpeed`); and one that swings freely (`FreeSwinging`),
@@ -66,7 +67,8 @@ def recover(
         pinocchio model.
     goal
         A pose of the tool, with its tolerances; a `ToolGoal`, where not all directions count;
-        or a path, see `lockedjoint.recovery.along_path`.
+        a path, see `lockedjoint.recovery.along_path`; or the rest of a plan, such as
+        ``lj.path(robot, way).after(4.0)``: joints that had locked before still are.
     search
         How much is tried, and for how long.
     acceleration, velocity
@@ -89,8 +91,8 @@ def recover(
     ------
     InputError
         If a joint is unknown or missing in `q`, a value is outside its limits, the arm is in
-        collision where it is, nothing is left that moves the tip, or it is not known how a
-        joint swings.
+        collision where it is, nothing is left that moves the tip, it is not known how a
+        joint swings, or the plan is of another robot.
     MissingLibraryError
         If toppra is not installed, where a way was found; or ompl, where a way around links is
         needed; or pinocchio, where a joint swings freely. A proof needs none of them.
@@ -105,13 +107,20 @@ def recover(
     'impossible, proved'
     """
     healthy, given = Robot.of(robot), list_of(failures)
+    if isinstance(goal, RestOfPlan):
+        if q is not None:
+            raise InputError("q", q, "None with the rest of a plan, which has a configuration")
+        goal.plan.check_robot(healthy.chain)
+        given += _locked_before(goal, healthy, given)
+        q, goal = goal.q, goal.path
+    check_failures(healthy.chain, given)
     start, notes = healthy.configuration(_with_locked(healthy, q, given))
     damage = Damage.of(healthy, given, start)
     clearance = healthy.apart_along(damage.chain)
     chosen = with_settings(RecoverySearch, search, settings)
     limits = (acceleration, velocity, jerk)
     state = DamagedState.of(damage, start, *limits, clearance, chosen)
-    notes += () if clearance is None else clearance.notes
+    notes = (*damage.chain.notes, *notes, *(() if clearance is None else clearance.notes))
     answer = recovered(state, goal)  # which checks the kind of goal
     notes += goal.pose.notes if isinstance(goal, ToolGoal) else goal.notes
     answer = replace(answer, notes=notes)
@@ -130,8 +139,17 @@ def recovered(state: DamagedState, goal: ToolGoal | Pose | ToolPath) -> Recovery
     if isinstance(goal, ToolPath):
         return recover_path(state, goal)
     goal = ToolGoal(goal) if isinstance(goal, Pose) else goal
-    of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose or a ToolPath")
+    of_kind("goal", goal, ToolGoal, "a ToolGoal, a Pose, a ToolPath or the rest of a plan")
     return _recover_pose(state, goal)
+
+
+def _locked_before(
+    rest: RestOfPlan, robot: Robot, failures: Sequence[Failure]
+) -> list[Failure]:
+    """Return failures of joints that had locked before a plan was made, unless stated."""
+    stated = [failure.joint for failure in failures if isinstance(failure, Locked)]
+    others = [name for name in rest.plan.locked if name in robot.chain.names]
+    return [Locked(name, rest.plan.locked[name]) for name in others if name not in stated]
 
 
 def _with_locked(robot: Robot, q: Any, failures: Sequence[Failure]) -> Any:

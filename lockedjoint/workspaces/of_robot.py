@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lockedjoint.kinematics.chain import Chain, check_named
-from lockedjoint.kinematics.in_degrees import InDegrees, far_angles
+from lockedjoint.kinematics.in_degrees import FromDegrees, InDegrees, far_angles
 from lockedjoint.kinematics.serial_chain import (
     Ranges,
     is_planar,
@@ -255,7 +255,9 @@ def limits_of(limits: Limits | None, arm: Chain) -> Ranges:
             raise InputError(f"limits of {name}", ends, "a lower and an upper limit")
         allowed = "a finite number, radians or metres"
         low, high = (real_number(f"limits of {name}", end, allowed) for end in pair.tolist())
-        ranges[name] = low, high
+        # How the limits were stated is kept, for errors.
+        stated = FromDegrees if isinstance(ends[0], FromDegrees) else float
+        ranges[name] = stated(low), stated(high)
     return tuple(ranges.values())
 
 

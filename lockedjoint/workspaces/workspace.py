@@ -16,7 +16,8 @@ from io import BytesIO
 import numpy as np
 
 from lockedjoint.clearance.link_clearance import LinkClearance
-from lockedjoint.kinematics.chain import Chain
+from lockedjoint.kinematics.chain import Chain, range_text
+from lockedjoint.kinematics.in_degrees import FromDegrees
 from lockedjoint.kinematics.serial_chain import (
     Bits,
     Ranges,
@@ -267,5 +268,8 @@ def check_limits(arm: Chain, limits: Ranges) -> None:
             joint.upper + _LIMIT_ROUNDING_RAD_OR_M,
         )
         if not lower <= low <= high <= upper:
-            allowed = f"two numbers in order within [{joint.lower:.7g}, {joint.upper:.7g}]"
-            raise InputError(f"artificial limits of {joint.name}", f"{low:g}:{high:g}", allowed)
+            in_degrees = isinstance(low, FromDegrees)
+            own = range_text(joint.lower, joint.upper, joint.prismatic, in_degrees)
+            given = range_text(low, high, joint.prismatic)
+            allowed = f"two numbers in order within {own}"
+            raise InputError(f"artificial limits of {joint.name}", given, allowed)

@@ -113,14 +113,36 @@ def solution(page: EntryPage, maximum: LocalMaximum | None) -> tuple[Any, Any]:
             x = conditions.solution()
             # Multipliers that are not unique leave a null space; steps are normal to it.
             inverse = np.linalg.pinv(conditions.slope(x), rcond=_RANK_OF_SLOPE)
-            residual = partial(conditions.gradient_in, numbers)
-            zero = refined(residual, partial(np.matmul, inverse), numbers(x))
+            zero = refined(
+                partial(_gradient, conditions), partial(np.matmul, inverse), numbers(x)
+            )
             j, _, _, t, _ = conditions.parts(zero)
         except (ArithmeticError, CertificateError, np.linalg.LinAlgError) as error:
             refused = ArithmeticError(str(error))
         else:
             return j, t
     raise refused
+
+
+def _gradient(conditions: Conditions, x: Any) -> Any:
+    """Return what `Conditions.gradient` does, shape (N,), to all digits."""
+    j, p, w, t, mu = conditions.parts(x)
+    model = conditions.model
+    levels = numbers(np.array([one.level for one in model]))
+    linear = numbers(np.array([one.linear for one in model]))
+    frames, kept = numbers(conditions.frames), numbers(conditions.kept)
+    normals = linear.copy()  # ∇h_k = Hj + ℓ, a row for each condition
+    for row, one in zip(normals, model, strict=True):
+        places, others = np.nonzero(one.form)  # at most one in a row
+        row[places] = row[places] + numbers(one.form[places, others]) * j.ravel()[others]
+    rest = j * kept[:, None]
+    pulled = np.sum(p[:, :, None] * rest, axis=1)  # J_F̄ᵀp_F, shape (|S|, n)
+    by_j = 2 * p.T @ pulled + (w @ normals).reshape(j.shape)
+    by_j = by_j - np.sum(mu[:, None, None] * frames, axis=0)
+    by_p = 2 * (np.sum(rest * pulled[:, None], axis=2) - t * p)
+    by_w = (normals + linear) @ j.ravel() / 2 - levels  # h_k = ½ jᵀHj + ℓ·j − c
+    by_mu = -np.sum(frames * (j - numbers(conditions.fixed)), axis=(1, 2))
+    return np.concatenate([by_j.ravel(), by_p.ravel(), by_w, [1 - np.sum(p * p)], by_mu])
 
 
 class _AllTied(Conditions):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.resources import files
 
 import pytest
 
@@ -82,7 +83,7 @@ posture example --starts 2 --out best.json
 compare --joints 3 --task-dimension 2 --starts 1 --workers 1 --out-dir compared
 compare --joints 3 --task-dimension 2 --starts 1 --workers 1 --to csv
 solve max-min --model free --joints 3 --task-dimension 2 --starts 1 --workers 1
-atlas
+atlas --entries few
 figure singular-values planar.csv --out values.svg --out values.csv
 realise planar.csv --to figure --out planar.svg
 campaign study.toml study.db --workers 1
@@ -99,6 +100,10 @@ def test_only_tables_of_records_and_conditions_need_pandas(lockedjoint, missing,
     lines = ["starts = 1", 'formulations = ["residual"]', 'models = ["unit-revolute"]']
     (tmp_path / "study.toml").write_text("\n".join([*lines, "joints = [8]"]))
     (tmp_path / "planar.csv").write_text("1,0.4,-0.5,0.2\n0,1,0.7,-0.6\n")
+    (tmp_path / "few").mkdir()  # the bounds of all entries take four seconds
+    for name in ("free_2x4_k1", "free-mean_2x6_k3"):
+        entry = files("lockedjoint.formulations.atlas") / "entries" / f"{name}.json"
+        (tmp_path / "few" / f"{name}.json").write_bytes(entry.read_bytes())
     words, env = [sys.executable, "-c", WITHOUT_TABLES], lockedjoint.environment()
     how = {"capture_output": True, "text": True, "timeout": 300, "input": COMMANDS}
     done = subprocess.run(words, cwd=tmp_path, env=env, check=False, **how)

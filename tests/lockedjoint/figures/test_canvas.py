@@ -1,5 +1,6 @@
 """At the sizes of a paper, in 7-point type, no text leaves a figure or lies on another."""
 
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -64,6 +65,15 @@ FIGURES = {
     "kept cubes": lambda: draw_kept(kept(3)),
     "a planar arm": lambda: drawing(realise(reference.PLANAR_3R)),
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def computed_once():
+    """What is solved for a figure does not depend on its size."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name in ((optima, "_curve"), (arms, "optima")):
+            patch.setattr(module, name, cache(getattr(module, name)))
+        yield
 
 
 def texts(figure):

@@ -4,6 +4,7 @@ import csv
 import io
 import itertools
 import json
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -234,6 +235,9 @@ def test_waypoints_in_every_form(tmp_path, name):
 BAD = {
     "": "not empty",
     "x,y\n0,0\n1,1\n": "columns of the waypoints is x,y",
+    "X (m),Y (m),Z (m)\n0,0,0\n1,1,1\n": r"columns of the waypoints is x \(m\),y \(m\)",
+    "x;y;z\n0;0;0\n1;1;1\n": "columns of the waypoints is x;y;z.*with commas between",
+    "nan,0,0\n1,1,1\n": "waypoint 1 is nan,0,0",
     "0,0,0\n": "at least two",
     "0,0,0\n0,zero,1\n": "waypoint 2 is 0,zero,1",
     "0,0,0\n0,1\n": "waypoint 2 is of 2 entries",
@@ -268,6 +272,40 @@ def test_paths_that_cannot_be_followed_are_refused(planar, points, duration, sai
     path = ToolPath(np.array(points, dtype=float))
     with pytest.raises(InputError, match=said):
         plan_path(planar, path, replace(QUICK, duration=duration))
+
+
+@pytest.mark.parametrize(("x", "off"), [(3.0, 0.4), (-2.9, 0.3)])
+def test_out_of_reach_says_what_is_nearest(planar, x, off):
+    """Links of 2.6 in all: from a point outside the disc the nearest is on its edge."""
+    path = ToolPath(np.array([[1.2, 0, 0], [x, 0, 0]], dtype=float))
+    with pytest.raises(InputError, match="the nearest found, which is no proof") as refused:
+        plan_path(planar, path, QUICK)
+    said = re.search(r"is \((\S+), (\S+), (\S+)\) m, (\S+) m away", str(refused.value))
+    *place, distance = map(float, said.groups())
+    assert distance == pytest.approx(off, rel=0.02)
+    assert np.hypot(*place[:2]) == pytest.approx(2.6, rel=1e-3)
+
+
+def test_out_of_reach_says_how_far_the_tool_turns_away(arm):
+    """A pose that the arm holds, turned about an axis by which it cannot: both parts count."""
+    chain = narrowed(arm.chain, dict.fromkeys(arm.chain.names, (-0.01, 0.01)))
+    position, rotation = chain.tip_at(chain.mid_range[:, None])
+    turned = Rotation.from_matrix(rotation[:, :, 0]) * Rotation.from_rotvec([0, 0, 1.0])
+    poses = ToolPath(
+        np.stack([position[:, 0], position[:, 0] + 1e-3]), np.stack([turned.as_quat()] * 2)
+    )
+    with pytest.raises(InputError) as refused:
+        plan_path(RobotArm(chain, arm.task), poses, QUICK)
+    said = re.search(r"m, (\S+) m and (\S+)° away\.$", str(refused.value))
+    off, degrees = map(float, said.groups())
+    assert off < 0.1
+    assert np.degrees(1.0) - 5 < degrees < np.degrees(1.0) + 1e-6
+
+
+def test_rotations_need_waypoints_with_an_orientation(arm):
+    path = ToolPath(np.array([[0.3, 0.1, 0.5], [0.3, 0.2, 0.5]]))
+    with pytest.raises(InputError, match=r"task is vx,.*because the waypoints have no orienta"):
+        plan_path(arm, path, QUICK)
 
 
 def test_the_command_writes_what_it_says(lockedjoint, made, arm, tmp_path):

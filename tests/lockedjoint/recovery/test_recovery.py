@@ -322,6 +322,11 @@ def test_a_way_leads_around_what_is_between(made, tmp_path):
     assert found.to_dict()["closest"]["distance"] == found.closest.distance
     with pytest.raises(InputError, match="start is in collision"):
         recover(gantry, [0.1, 0.0, 0.1], failure, goal)
+    # The wall ends at 0.5 m, and the tool is a ball of 0.05 m: 0.01 m are left between the two.
+    near = r"start is where (\S+) and (\S+) are (\S+) m apart; .* at least 0.02 m apart"
+    with pytest.raises(InputError, match=near) as refused:
+        recover(gantry, [0.0, 0.56, 0.1], failure, goal)
+    assert float(re.search(near, str(refused.value))[3]) == pytest.approx(0.01, abs=1e-3)
 
 
 def test_a_limit_of_jerk_is_kept_between_points_too(made):
@@ -377,6 +382,14 @@ def test_the_operator_is_told_what_would_have_helped(made):
     little = RecoverySearch(starts=5, boxes=1)
     found = recover(tree, [0, 0], [Locked("j1", 0.0)], Pose((0.0, 0.6, 0.0)), search=little)
     assert found.verdict == "not found"
+
+
+def test_an_arm_without_a_joint_that_moves_is_told_so(spatial):
+    tree, _, q, goal = spatial
+    with pytest.raises(
+        InputError, match=r"free joints move \(j0, j1, j2, j3, j4, j5, j6 cannot"
+    ):
+        recover(tree, q, [Locked(f"j{k}") for k in range(7)], goal)
 
 
 def test_the_command_writes_a_trajectory_or_a_proof(lockedjoint, made, spatial, tmp_path):

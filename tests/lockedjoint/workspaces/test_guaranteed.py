@@ -119,7 +119,7 @@ def test_it_does_not_hold_beyond_what_is_reachable_or_allowed():
 def cubes(once):
     def make():
         exact = ARMS[0]
-        parts = guaranteed_workspace(planar_chain(exact.lengths), exact.limits, 0.008, 2)
+        parts = guaranteed_workspace(planar_chain(exact.lengths), exact.limits, 0.01, 2)
         return KeptCubes.joined(list(parts))
 
     return once("guaranteed planar cubes", make)
