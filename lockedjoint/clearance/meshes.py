@@ -43,9 +43,12 @@ def mesh_file(name: str, path: Path) -> Path | None:
     Without ``package://`` the name is relative to the folder of the URDF file, and the mesh has
     to be below the folder of its package: the nearest one above that has a package.xml, or else
     the one above. With ``package://`` the name is tried below each folder above, such as the
-    workspace of the package, but never below the root of the file system.
+    workspace of the package, but never below the root of the file system. Some robots have
+    ``package:///``, which means the same.
     """
     kind, _, rest = name.rpartition("://")
+    if kind:
+        rest = rest.lstrip("/")
     if kind not in ("", "package") or not rest or Path(rest).is_absolute():
         return None
     folder = path.resolve().parent

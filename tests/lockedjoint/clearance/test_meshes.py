@@ -100,7 +100,7 @@ def test_a_mesh_is_opened_in_the_package_alone(tmp_path):
     robot.with_name("link.stl").symlink_to(tmp_path / "a.stl")
     robot.with_name("text.stl").symlink_to(robot.with_name("a.txt"))
     fine = ["a.stl", "../meshes/a.stl", "package://pack/meshes/a.stl", "../deep/er/a.stl"]
-    fine += ["package://other/deep/er/a.stl", "package://a.stl"]
+    fine += ["package://other/deep/er/a.stl", "package://a.stl", "package:///pack/meshes/a.stl"]
     assert all(mesh_file(name, robot) for name in fine)
     inside = str(robot.with_name("a.stl"))
     refused = [inside, f"file://{inside}", f"package://{inside}", str(tmp_path / "a.stl")]
