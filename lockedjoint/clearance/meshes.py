@@ -43,13 +43,16 @@ def mesh_file(name: str, path: Path) -> Path | None:
     Without ``package://`` the name is relative to the folder of the URDF file, and the mesh has
     to be below the folder of its package: the nearest one above that has a package.xml, or else
     the one above. With ``package://`` the name is tried below each folder above, such as the
-    workspace of the package, but never below the root of the file system.
+    workspace of the package, but never below the root of the file system. Some robots have
+    ``package:///`` before the name of the package.
     """
     kind, _, rest = name.rpartition("://")
+    named = rest.startswith("/") and kind == "package"
+    rest = rest[1:] if named else rest
     if kind not in ("", "package") or not rest or Path(rest).is_absolute():
         return None
     folder = path.resolve().parent
-    for root, place in _package(rest, folder) if kind else _beside(rest, folder):
+    for root, place in _package(rest, folder, named) if kind else _beside(rest, folder):
         with suppress(OSError, ValueError, RuntimeError):  # of names that no file can have
             found = place.resolve()
             allowed = found.is_relative_to(root) and found.suffix.lower() in MESHES
@@ -64,9 +67,12 @@ def _beside(rest: str, folder: Path) -> Iterator[tuple[Path, Path]]:
     yield next(above, folder.parent), folder / rest
 
 
-def _package(rest: str, folder: Path) -> Iterator[tuple[Path, Path]]:
-    """Yield each folder above, and where the mesh may be below it."""
-    for part in (rest, rest.partition("/")[2]):
+def _package(rest: str, folder: Path, named: bool) -> Iterator[tuple[Path, Path]]:
+    """Yield each folder above, and where the mesh may be below it.
+
+    The folder of a package may have another name than the package, unless it is `named`.
+    """
+    for part in (rest,) if named else (rest, rest.partition("/")[2]):
         for above in (folder, *folder.parents):
             if part and above != Path(above.anchor):
                 yield above, above / part

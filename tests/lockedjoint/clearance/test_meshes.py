@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +101,7 @@ def test_a_mesh_is_opened_in_the_package_alone(tmp_path):
     robot.with_name("link.stl").symlink_to(tmp_path / "a.stl")
     robot.with_name("text.stl").symlink_to(robot.with_name("a.txt"))
     fine = ["a.stl", "../meshes/a.stl", "package://pack/meshes/a.stl", "../deep/er/a.stl"]
-    fine += ["package://other/deep/er/a.stl", "package://a.stl"]
+    fine += ["package://other/deep/er/a.stl", "package://a.stl", "package:///pack/meshes/a.stl"]
     assert all(mesh_file(name, robot) for name in fine)
     inside = str(robot.with_name("a.stl"))
     refused = [inside, f"file://{inside}", f"package://{inside}", str(tmp_path / "a.stl")]
@@ -119,6 +120,24 @@ def test_a_mesh_is_opened_in_the_package_alone(tmp_path):
     far.parent.mkdir(parents=True)
     assert mesh_file("../../../meshes/a.stl", far)
     assert not mesh_file("../../../../a.stl", far)
+
+
+def test_every_mesh_of_robots_that_exist_is_found():
+    """But for files of another machine, which Romeo names."""
+    try:
+        data = distribution("example-robot-data").locate_file("cmeel.prefix/share")
+    except PackageNotFoundError:
+        pytest.skip("install example-robot-data")
+    named = [
+        (name, file)
+        for file in Path(str(data)).rglob("*.urdf")
+        for name in set(re.findall(r'<mesh[^>]* filename="([^"]+)"', file.read_text("utf-8")))
+        if not name.startswith("file:///usr/")
+    ]
+    assert len(named) > 1000
+    assert not [
+        name for name, file in named if not (mesh_file(name, file) or ":///usr" in name)
+    ]
 
 
 SPHERE = '<collision><geometry><sphere radius="{}"/></geometry></collision>'.format
