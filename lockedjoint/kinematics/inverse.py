@@ -228,6 +228,13 @@ def solve_pose(
         missing, matrix = poses[which].residual(q.T)
         return missing.T, np.moveaxis(matrix, 0, -1)
 
+    return reach_poses(residual, start, lower, upper)
+
+
+def reach_poses(
+    residual: Residual, start: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return configurations (k, n) of poses near a start, as `solve_pose`, by any residual."""
     lower, upper = (np.broadcast_to(side, start.shape).T for side in (lower, upper))
     q, reached = damped_least_squares(
         residual,

@@ -28,6 +28,9 @@ from lockedjoint.workspaces.kept_proofs import REACHED, KeptProofs, Pairs
 _STARTS = 24
 #: The number of these starts that look for a better solution after the first.
 BETTER_STARTS = 2
+# Trials are made together as long as they have at most so many starts: about as many take
+# hardly longer than one. It changes no result.
+_STARTS_AT_ONCE = 2000
 # The least half width of an interval, in radians or metres. If it is smaller, more is tried
 # before a cube is halved or given up.
 _NARROWEST_HALF_WIDTH = 1e-4
@@ -194,7 +197,8 @@ def _attempt(
     q, hardness = pairs.q.copy(), np.full(count, np.inf)
     proved, interval_hinders = np.zeros(count, bool), np.zeros(count, bool)
     missed = np.full(count, np.inf)
-    for trial in range(max(_STARTS, better_starts) + 1):
+    trial, trials, together = 0, max(_STARTS, better_starts) + 1, 1
+    while trial < trials:
         open_pairs = ~proved
         if trial > better_starts:
             open_pairs &= missed > REACHED
@@ -202,14 +206,33 @@ def _attempt(
             open_pairs &= ~np.isnan(pairs.q[:, 0])
         at = np.flatnonzero(open_pairs)
         if not at.size:
+            trial += 1
             continue
-        # The first trial draws, too, so that what a seed finds stays the same.
-        drawn = least[:, at] + (most - least)[:, at] * rng.random((proofs.n, len(at)))
-        some = pairs[at]
-        found, distance = proofs.reached(some, some.q.T if trial == 0 else drawn)
-        missed[at] = np.minimum(missed[at], distance)
-        reached = distance <= REACHED
-        at, some = at[reached], replace(some, q=found.T)[reached]
+        # Now only a pair that is reached changes which are tried: trials are made together.
+        at_once = min(together, trials - trial, _STARTS_AT_ONCE // len(at) or 1)
+        size = at_once if trial > better_starts else 1
+        drawn, states = [], []
+        for _ in range(size):
+            # The first trial draws, too, so that what a seed finds stays the same.
+            shares = rng.random((proofs.n, len(at)))
+            drawn.append(least[:, at] + (most - least)[:, at] * shares)
+            states.append(rng.bit_generator.state)
+        some = pairs[np.tile(at, size)]
+        start = some.q.T if trial == 0 else np.concatenate(drawn, axis=1)
+        found, distance = proofs.reached(some, start)
+        rounds = distance.reshape(size, len(at))
+        hits = np.flatnonzero((rounds <= REACHED).any(axis=1))
+        # The trials after one that reached a pair would have had other starts.
+        used = int(hits[0]) + 1 if hits.size else size
+        rng.bit_generator.state = states[used - 1]
+        trial += used
+        together = 1 if hits.size else 2 * together
+        missed[at] = np.minimum(missed[at], rounds[:used].min(axis=0))
+        reached = rounds[used - 1] <= REACHED
+        if not reached.any():
+            continue
+        last = slice((used - 1) * len(at), used * len(at))
+        at, some = at[reached], replace(some[last], q=found.T[last])[reached]
         holds, hard, hinders = proofs.hold(some)
         better = holds | (hard < hardness[at])
         at, some = at[better], some[better]

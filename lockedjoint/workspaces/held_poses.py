@@ -13,10 +13,12 @@ import numpy as np
 
 from lockedjoint.clearance.link_clearance import LinkClearance
 from lockedjoint.kinematics.chain import Chain
-from lockedjoint.kinematics.inverse import SelfMotionPoses, solve_pose
+from lockedjoint.kinematics.geometry import IntArray, rotation_vectors
+from lockedjoint.kinematics.inverse import SelfMotionPoses, reach_poses
 from lockedjoint.kinematics.serial_chain import (
     Bits,
     at_zero,
+    from_first_joint,
     is_planar,
     opened,
     physical_ranges,
@@ -59,7 +61,17 @@ class HeldPoses:
         self, points: FloatArray, start: FloatArray, lower: FloatArray, upper: FloatArray
     ) -> tuple[FloatArray, Bits]:
         """Return configurations near starts, (k, n), and which of them reach their points."""
-        return solve_pose(self.at(points), start, lower, upper)
+        chain, targets = from_first_joint(self.arm), points.T
+        wanted = self.rotation @ chain.tip_at(np.zeros((len(self.arm.joints), 1)))[1][..., 0]
+
+        # As that of `at`, by the chain itself, which is twice as fast.
+        def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+            tip, turn, matrix = chain.forward(q, self.rows)
+            turned = rotation_vectors(np.einsum("ij,kjb->ikb", wanted, turn))
+            missing = np.concatenate([targets[:, which] - tip, turned])
+            return missing[self.rows], matrix
+
+        return reach_poses(residual, start, lower, upper)
 
     def random_starts(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return random configurations within the physical limits, (count, n)."""

@@ -1,6 +1,7 @@
 """Isotropic arms of five revolute and two prismatic joints: solutions are never excluded."""
 
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ def equations(unknowns):
     return np.array([*parts, ratios.sum(), ratios @ ratios - 15 / 4])
 
 
+@cache
 def solutions(count):
     """Return angles of solutions from random starts, sorted, in (−π, π]."""
     rng, found = np.random.default_rng(7), []

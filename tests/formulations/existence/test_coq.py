@@ -63,6 +63,14 @@ def stand_ins(folder, coqc, coqchk="exit 0"):
     return str(folder)
 
 
+@pytest.fixture
+def proof(tmp_path):
+    """A copy of the sources with short data, which the script has read at once."""
+    folder = shutil.copytree(COQ, tmp_path / "coq")
+    (folder / "Data.v").write_text("Definition one := 1.\n")
+    return folder
+
+
 def printing(text):
     return f"cat <<'END'\n{text}END"
 
@@ -87,8 +95,11 @@ FALSE = PRINTED.replace("sig_not_dec : forall P : Prop, {~ ~ P} + {~ P}", "sig_n
         (None, "exit 0", 1, "coqc is not installed"),
     ],
 )
-def test_the_build_script_with_stand_ins_for_coq(coqc, coqchk, status, message, tmp_path):
-    done = built(COQ, stand_ins(tmp_path, coqc, coqchk))
+def test_the_build_script_with_stand_ins_for_coq(
+    coqc, coqchk, status, message, proof, tmp_path
+):
+    """The sources as they are where all is well."""
+    done = built(proof if status else COQ, stand_ins(tmp_path, coqc, coqchk))
     assert done.returncode == status, done.stderr
     assert message in done.stderr
 
@@ -108,8 +119,7 @@ def test_the_build_script_with_stand_ins_for_coq(coqc, coqchk, status, message, 
         ("(* a comment without an end. Axiom wrong : False.", "Unended"),
     ],
 )
-def test_sources_that_assume_something_are_refused(line, command, tmp_path):
-    proof = shutil.copytree(COQ, tmp_path / "coq")
+def test_sources_that_assume_something_are_refused(line, command, proof, tmp_path):
     with (proof / "Negative.v").open("a") as file:
         file.write(line + "\n")
     (tmp_path / "tools").mkdir()
@@ -129,9 +139,8 @@ def test_sources_that_assume_something_are_refused(line, command, tmp_path):
         "Lemma a : True. exact I. Qed.\u00a0Axiom wrong : False.",
     ],
 )
-def test_sources_that_could_be_read_otherwise_are_refused(text, tmp_path):
+def test_sources_that_could_be_read_otherwise_are_refused(text, proof, tmp_path):
     """Strings, and characters that are blanks for Coq, hide commands from a filter."""
-    proof = shutil.copytree(COQ, tmp_path / "coq")
     with (proof / "Negative.v").open("a", newline="") as file:
         file.write(text + "\n")
     (tmp_path / "tools").mkdir()
