@@ -1,34 +1,27 @@
 """The files of meshes that a robot's file names: where they may be, and what their units are.
 
 A robot's file may come from anybody. It has meshes opened beside itself or below a folder of
-its package, with endings of meshes, and nowhere else. COLLADA states a unit of length and an
-axis that is up; the other formats state neither, and are in metres with the axes of the link.
+its package, with endings of meshes, and nowhere else. COLLADA states a unit of length; files of
+the other formats are in metres. The axes of every file are those of the link. COLLADA states an
+axis that is up, too, but RViz, MoveIt and coal do not heed it, and most robots are made for
+them: meshes of TIAGo state ``Y_UP`` and have the axes of their links.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
-import numpy as np
-
 from lockedjoint.formulations.io.files import real_in
-from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError
 
 #: Endings of files of meshes.
 MESHES = (".stl", ".obj", ".dae", ".ply")
 _COLLADA = ".dae"
-# Rotations, 3×3, that turn the axes of a file into those of URDF, by the axis that is up in the
-# file.
-_UPWARDS = {
-    "X_UP": [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]],
-    "Y_UP": [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
-    "Z_UP": np.eye(3).tolist(),
-}
 # The shortest unit of length that a file may state, in metres.
 _SHORTEST_UNIT_M = 1e-12
 # The longest unit of length that a file may state, in metres.
@@ -78,51 +71,46 @@ def _package(rest: str, folder: Path, named: bool) -> Iterator[tuple[Path, Path]
                 yield above, above / part
 
 
-def stated_axes(file: Path) -> tuple[float, FloatArray]:
-    """Return the unit of a mesh's file in metres, and the rotation of its axes to URDF's.
+def stated_unit(file: Path) -> float:
+    """Return the unit of a mesh's file in metres.
 
     Raises
     ------
     FileError
-        If it is COLLADA and no well-formed XML, or states a unit or axes that are none.
+        If it is COLLADA and no well-formed XML, or states a unit that is none.
     """
     if file.suffix.lower() != _COLLADA:
-        return 1.0, np.eye(3)
-    unit, up = _asset(file)
+        return 1.0
+    unit = _unit(file)
     try:
         metres = real_in(unit)
     except ValueError:
-        metres = np.nan
+        metres = math.nan
     if not _SHORTEST_UNIT_M <= metres <= _LONGEST_UNIT_M:
         allowed = f"a number of metres from {_SHORTEST_UNIT_M:g} to {_LONGEST_UNIT_M:g}"
         raise FileError(f"unit of {file}", unit, allowed)
-    if up not in _UPWARDS:
-        raise FileError(f"up_axis of {file}", up, "one of X_UP, Y_UP, Z_UP")
-    return metres, np.array(_UPWARDS[up])
+    return metres
 
 
 class _Ended(Exception):
     """What is looked for has been read."""
 
 
-def _asset(file: Path) -> tuple[str, str]:
-    """Return the unit and the axis that the ``<asset>`` of a COLLADA file states, as texts.
+def _unit(file: Path) -> str:
+    """Return the unit that the ``<asset>`` of a COLLADA file states, as a text.
 
-    By default they are "1" (metre) and "Z_UP". FileError if the file cannot be read, is no
+    By default it is "1" (metre). FileError if the file cannot be read, is no
     well-formed XML up to there, or declares entities.
     """
     parser = expat.ParserCreate(namespace_separator=" ")
     path: list[str] = []
-    stated = {"unit": "1", "up_axis": ""}
+    unit = "1"
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal unit
         path.append(tag.rpartition(" ")[2])
         if path[1:] == ["asset", "unit"]:
-            stated["unit"] = attributes.get("meter", "1")
-
-    def text(words: str) -> None:
-        if path[1:] == ["asset", "up_axis"]:
-            stated["up_axis"] += words
+            unit = attributes.get("meter", "1")
 
     def end(_: str) -> None:
         if path[1:] == ["asset"]:
@@ -133,7 +121,7 @@ def _asset(file: Path) -> tuple[str, str]:
         raise FileError("mesh", str(file), "XML without entities")
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.EntityDeclHandler = text, entity
+    parser.EntityDeclHandler = entity
     try:
         with file.open("rb") as content:
             while part := content.read(_PART_BYTES):
@@ -146,4 +134,4 @@ def _asset(file: Path) -> tuple[str, str]:
         if isinstance(error, FileError):
             raise
         raise FileError("mesh", str(file), f"well-formed COLLADA ({error})") from None
-    return stated["unit"], stated["up_axis"].strip() or "Z_UP"
+    return unit

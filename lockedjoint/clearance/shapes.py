@@ -17,10 +17,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from lockedjoint.clearance.meshes import MESHES, mesh_file, stated_axes
+from lockedjoint.clearance.meshes import MESHES, mesh_file, stated_unit
 from lockedjoint.formulations.io.objects import library
 from lockedjoint.kinematics.chain import LARGEST
-from lockedjoint.kinematics.geometry import homogeneous
 from lockedjoint.kinematics.read_urdf import attribute, numbers, pose_of
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import FileError, InputError
@@ -90,17 +89,13 @@ def _shape(element: Element, link: str, path: Path) -> Shape:
 
 
 def mesh(file: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), pose: Any = None) -> Shape:
-    """Return the shape of a mesh's file, with the unit and the axes that the file states.
+    """Return the shape of a mesh's file, with the unit that the file states.
 
-    Scales are along the axes of the pose, 4×4, in the link's frame (by default the same frame).
-    FileError if the file states a unit or axes that are none.
+    The pose, 4×4, is that in the link's frame, by default the same frame. FileError if the file
+    states a unit that is none.
     """
-    metres, rotation = stated_axes(file)
-    # Scales are along the axes of URDF; coal has them along those of the file.
-    along = np.abs(rotation.T) @ np.asarray(scale, dtype=float)
-    turned = homogeneous(rotation, np.zeros(3))
-    place = turned if pose is None else np.asarray(pose) @ turned
-    return Shape("mesh", tuple((metres * along).tolist()), file, place)
+    size = tuple((stated_unit(file) * np.asarray(scale, dtype=float)).tolist())
+    return Shape("mesh", size, file, np.eye(4) if pose is None else np.asarray(pose))
 
 
 def _mesh_of(name: str, link: str, path: Path) -> Path:
