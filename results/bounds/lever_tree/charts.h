@@ -12,28 +12,28 @@ typedef struct {
 } Centre;
 static Centre C[4000];
 /* Number of centres, and the one whose chart is in use. */
-static int nc, cur;
+static int centre_count, current;
 /* Greatest |t| of a frame within the radius. */
-static double Hball = 1e9;
-/* Square of the radius: a chart has the frames with trace(P P_c) ≥ 3 − R2. */
-static double R2 = 0.25;
+static double greatest_t = 1e9;
+/* Square of the radius: a chart has the frames with trace(P P_c) ≥ 3 − radius². */
+static double radius_squared = 0.25;
 /* All orders of seven columns. */
 static unsigned char perm[5040][7];
-static int np;
-static void genperm(int k, unsigned char *p, int used) {
+static int order_count;
+static void all_orders(int k, unsigned char *p, int used) {
   if (k == 7) {
-    memcpy(perm[np++], p, 7);
+    memcpy(perm[order_count++], p, 7);
     return;
   }
   for (int i = 0; i < 7; i++)
     if (!(used >> i & 1)) {
       p[k] = i;
-      genperm(k + 1, p, used | 1 << i);
+      all_orders(k + 1, p, used | 1 << i);
     }
 }
 
 /* Projector on the rows of W̄. */
-static void proj(const double *W, double *P) {
+static void projector(const double *W, double *P) {
   for (int i = 0; i < 7; i++)
     for (int j = 0; j < 7; j++) {
       double s = 0;
@@ -44,7 +44,7 @@ static void proj(const double *W, double *P) {
 }
 
 /* Greatest trace of P π(Q) over all orders π. */
-static double bestov(const double *P, const double *Q, int *bp) {
+static double best_overlap(const double *P, const double *Q, int *bp) {
   double b = -1;
   for (int z = 0; z < 5040; z++) {
     const unsigned char *p = perm[z];
@@ -65,15 +65,15 @@ typedef struct {
   double N[21], n0;
 } HalfSpace;
 static HalfSpace *halves;
-static int half_count, nh0;
-static double cpl[21];
-static int cmph(const void *a, const void *b) {
+static int half_count, near_count;
+static double centre_pairs[21];
+static int by_distance(const void *a, const void *b) {
   double x = ((HalfSpace *)a)->n0, y = ((HalfSpace *)b)->n0;
   return x < y ? -1 : x > y;
 }
 static void neighbours(int a, int most) {
   half_count = 0;
-  for (int b = 0; b < nc; b++)
+  for (int b = 0; b < centre_count; b++)
     for (int z = 0; z < 5040; z++) {
       if (b == a && z == 0)
         continue;
@@ -83,7 +83,7 @@ static void neighbours(int a, int most) {
         for (int j = 0; j < i; j++)
           s += C[a].P[i * 7 + j] * C[b].P[q[i] * 7 + q[j]];
       double ov = 9. / 7 + 2 * s;
-      if (ov < 3 - 4 * R2 * 1.05)
+      if (ov < 3 - 4 * radius_squared * 1.05)
         continue;
       HalfSpace *h = halves + half_count++;
       h->n0 = 0;
@@ -94,53 +94,53 @@ static void neighbours(int a, int most) {
       if (half_count >= 2000000)
         break;
     }
-  qsort(halves, half_count, sizeof(HalfSpace), cmph);
-  nh0 = half_count;
+  qsort(halves, half_count, sizeof(HalfSpace), by_distance);
+  near_count = half_count;
   if (half_count > most)
     half_count = most;
   for (int p = 0; p < 21; p++)
-    cpl[p] = C[a].P[PAIR_I[p] * 7 + PAIR_J[p]];
+    centre_pairs[p] = C[a].P[PAIR_I[p] * 7 + PAIR_J[p]];
 }
 
 /* 1: another centre is nearer in all the cell. 2: the cell is beyond the radius. inside: all of it is within. */
-static int elsewhere(const Cell *nd, double size2, int *inside) {
+static int elsewhere(const Cell *cell, double size2, int *inside) {
   double P[21], g[6][21];
   for (int p = 0; p < 21; p++) {
     int i = PAIR_I[p], j = PAIR_J[p];
     double s = 0;
     for (int r = 0; r < 3; r++)
-      s += nd->W[r * 7 + i] * nd->W[r * 7 + j];
+      s += cell->W[r * 7 + i] * cell->W[r * 7 + j];
     P[p] = s;
   }
   for (int k = 0; k < 6; k++) {
     double kf[21];
-    times_f(nd->gen[k], nd->F, kf);
+    times_f(cell->gen[k], cell->F, kf);
     for (int p = 0; p < 21; p++) {
       int i = PAIR_I[p], j = PAIR_J[p];
       double s = 0;
       for (int r = 0; r < 3; r++)
-        s += kf[i * 3 + r] * nd->W[r * 7 + j] + kf[j * 3 + r] * nd->W[r * 7 + i];
+        s += kf[i * 3 + r] * cell->W[r * 7 + j] + kf[j * 3 + r] * cell->W[r * 7 + i];
       g[k][p] = s;
     }
   }
   double rem = 2.5 * size2;
   double s0 = 9. / 7, r0 = 0;
   for (int p = 0; p < 21; p++)
-    s0 += 2 * cpl[p] * P[p];
+    s0 += 2 * centre_pairs[p] * P[p];
   for (int k = 0; k < 6; k++) {
     double t = 0;
     for (int p = 0; p < 21; p++)
-      t += 2 * cpl[p] * g[k][p];
+      t += 2 * centre_pairs[p] * g[k][p];
     r0 += fabs(t);
   }
   double nc2 = 0;
   for (int p = 0; p < 21; p++)
-    nc2 += 2 * cpl[p] * cpl[p];
+    nc2 += 2 * centre_pairs[p] * centre_pairs[p];
   // |<P2,Ptilde>| : P off-diagonal only (diagonal fixed)
   r0 += rem * sqrt(nc2);
-  if (s0 + r0 < 3 - R2)
+  if (s0 + r0 < 3 - radius_squared)
     return 2;
-  *inside = s0 - r0 > 3 - R2;
+  *inside = s0 - r0 > 3 - radius_squared;
   for (int h = 0; h < half_count; h++) {
     const HalfSpace *H = halves + h;
     double s = 0;
@@ -175,7 +175,7 @@ static double least_distance(const Cell *n) {
 
 /* Frame in the middle of the cell, its generators and their second order; 0 if Newton's method finds none. */
 static int centre_from(Cell *n) {
-  const Centre *c = C + cur;
+  const Centre *c = C + current;
   const Tangent *ga = &c->g;
   double si[9], ri[16];
   double u[6];
@@ -407,7 +407,7 @@ static int centre(Cell *n) {
     double s = 0;
     for (int q = 0; q < 12; q++)
       s += n->K[q] * n->K[q];
-    if (s < 4 * Hball * Hball)
+    if (s < 4 * greatest_t * greatest_t)
       return 1;
   }
   memset(n->K, 0, sizeof n->K);
@@ -415,7 +415,7 @@ static int centre(Cell *n) {
     double s = 0;
     for (int q = 0; q < 12; q++)
       s += n->K[q] * n->K[q];
-    if (s < 4 * Hball * Hball)
+    if (s < 4 * greatest_t * greatest_t)
       return 1;
   }
   memset(n->K, 0, sizeof n->K);
@@ -424,7 +424,7 @@ static int centre(Cell *n) {
 
 static void root(Cell *n, int a, double H) {
   memset(n, 0, sizeof *n);
-  cur = a;
+  current = a;
   for (int k = 0; k < 6; k++)
     n->h[k] = H;
 }

@@ -13,12 +13,12 @@ static double now() {
   return t.tv_sec + 1e-9 * t.tv_nsec;
 }
 /* Uniform random number in [0, 1), by xorshift, and a normal one. */
-static unsigned long long rs = 88172645463325252ULL;
+static unsigned long long random_state = 88172645463325252ULL;
 static double uniform() {
-  rs ^= rs << 13;
-  rs ^= rs >> 7;
-  rs ^= rs << 17;
-  return (rs >> 11) * (1.0 / 9007199254740992.0);
+  random_state ^= random_state << 13;
+  random_state ^= random_state >> 7;
+  random_state ^= random_state << 17;
+  return (random_state >> 11) * (1.0 / 9007199254740992.0);
 }
 
 static double normal_number() {

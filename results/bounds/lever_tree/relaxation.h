@@ -11,12 +11,12 @@
 /* Number of inequalities: products of n_i − √ν, n_i − √ν itself, and (n_i − √ν)(largest n − n_i). */
 #define INEQUALITY_COUNT 35
 /* Bound A of max a_i; ν; least n_i = √ν; greatest n_i; √7 − 7√ν; allowance for the third order, times size³. */
-static double limit_a, nu, n_least, n_greatest, n_excess, third = 0.0;
+static double limit_a, nu, n_least, n_greatest, n_excess, third_order = 0.0;
 /* Duality gap at which the barrier method ends, as a part of the value. */
-static double gapfrac = 0.15;
+static double gap_share = 0.15;
 /* Pairs i < j. */
 static int PAIR_I[21], PAIR_J[21];
-static long nsdp, nnewton;
+static long program_count, newton_count;
 /* H: the sum of the equations times their multipliers, on (V̂, q). Th: the part of q's block that goes to
    the block of (V, q). phi, cv, c0: the inequalities times their multipliers, as a polynomial in n. */
 typedef struct {
@@ -110,8 +110,8 @@ static int idx(int k, int l) {
   return k * 6 - k * (k - 1) / 2 + (l - k);
 }
 
-static void expansion(const Cell *nd, Expansion *e) {
-  const double *W = nd->W, *F = nd->F;
+static void expansion(const Cell *cell, Expansion *e) {
+  const double *W = cell->W, *F = cell->F;
   Tangent *g = &e->g;
   double Bf[6][21], Bw[6][28], Cf[6][21], Cw[6][28];
   for (int k = 0; k < 6; k++) {
@@ -119,8 +119,8 @@ static void expansion(const Cell *nd, Expansion *e) {
     transposed_times_w(g->B[k], W, Bw[k]);
     times_f(g->C[k], F, Cf[k]);
     transposed_times_w(g->C[k], W, Cw[k]);
-    times_f(nd->gen[k], F, e->Kf[k]);
-    transposed_times_w(nd->gen[k], W, e->Kw[k]);
+    times_f(cell->gen[k], F, e->Kf[k]);
+    transposed_times_w(cell->gen[k], W, e->Kw[k]);
   }
   // D(L_k)[B_j], D(L_k)[C_m], D(C_m)[B_j], D(L_k)[L_l] each projected by sg^-1 U^T -> 6
   double DB[6][6][6], DC[6][6][6];
@@ -160,7 +160,7 @@ static void expansion(const Cell *nd, Expansion *e) {
         double s = 0;
         for (int m = 0; m < 6; m++)
           s += kap[m] * g->C[m][q];
-        e->K2[c][q] = s + (nd->hastan ? nd->tan2[c][q] : 0);
+        e->K2[c][q] = s + (cell->hastan ? cell->tan2[c][q] : 0);
       }
       double k2f[21], k2w[28];
       times_f(e->K2[c], F, k2f);
@@ -172,7 +172,7 @@ static void expansion(const Cell *nd, Expansion *e) {
           e->F2[c][q * 7 + i] = -kw[i * 4 + q];
       double LtL[16], LLt[9];
       {
-        const double *a = nd->gen[k], *b = nd->gen[l];
+        const double *a = cell->gen[k], *b = cell->gen[l];
         for (int i = 0; i < 4; i++)
           for (int j = 0; j < 4; j++) {
             double s = 0;
@@ -252,7 +252,7 @@ static void expansion(const Cell *nd, Expansion *e) {
 /* Weight of the first-order change of the certificate within the cell, in the choice of multipliers. */
 static double beta = 3.0;
 /* The same for multipliers that do not change it to first order. */
-static double epsK = 1e-4;
+static double ridge = 1e-4;
 /* Multipliers that are best for the cell: the value of the middle less beta times the norm of the first-order
    changes. The dual is solved: matrices of (q, y) and (1, q) with the equations relaxed to a ball, by a barrier
    method. Returns s; if s < 0 the multipliers exclude the middle. */
@@ -338,7 +338,7 @@ static double best_multipliers(const double *F, const Expansion *ex, Multipliers
       double s = 0;
       for (int p = 0; p < NP; p++)
         s += ZK[e][p] * ZK[f][p];
-      L[e * EQUATION_COUNT + f] = s + (e == f) * epsK;
+      L[e * EQUATION_COUNT + f] = s + (e == f) * ridge;
     }
   if (!cholesky(EQUATION_COUNT, L, EQUATION_COUNT)) {
     m->ok = 0;
@@ -518,7 +518,7 @@ static double best_multipliers(const double *F, const Expansion *ex, Multipliers
   const double NB = 10 + 5 + INEQUALITY_COUNT + 2;
   static double H[NV * NV];
   for (int it = 0; it < 80; it++) {
-    nnewton++;
+    newton_count++;
     EVAL6(x);
     double LY[100], LX[25];
     memcpy(LY, Y, sizeof Y);
@@ -643,7 +643,7 @@ static double best_multipliers(const double *F, const Expansion *ex, Multipliers
     if (dec < 0.5) {
       if (x[NS] > 0)
         break;
-      if (dec < 0.1 && x[NS] + gap < 0 && (gap < gapfrac * (-x[NS]))) {
+      if (dec < 0.1 && x[NS] + gap < 0 && (gap < gap_share * (-x[NS]))) {
         good = 1;
         break;
       }
@@ -687,7 +687,7 @@ static double best_multipliers(const double *F, const Expansion *ex, Multipliers
     }
     for (int i = 0; i < NV; i++)
       x[i] += al * p[i];
-    if (dec < 0.5 && (tau < 2e6) && !(x[NS] + gap < 0 && gap < gapfrac * -x[NS]))
+    if (dec < 0.5 && (tau < 2e6) && !(x[NS] + gap < 0 && gap < gap_share * -x[NS]))
       tau *= 5;
   }
   m->ok = 0;
@@ -769,9 +769,9 @@ static void negative_part(int n, const double *M, double *o) {
 
 /* Least value over the cell, up to third order; above 0: the cell is excluded. The value is concave in each τ_k
    once the positive parts of the squares τ_k² are left out, so its least value is at one of 64 vertices. */
-static double least_value(const Cell *nd, const Expansion *e, const Multipliers *m, int quick, int *split) {
+static double least_value(const Cell *cell, const Expansion *e, const Multipliers *m, int quick, int *split) {
   const Tangent *g = &e->g;
-  const double *F = nd->F;
+  const double *F = cell->F;
   static double ZY[1 + 6 + 21][100], ZX[28][25];
   double cs0;
   double HB[6][16], HC[6][16], HBB[36], HCB[36], HCC[36], HBq[24], HCq[24];
@@ -913,8 +913,8 @@ static double least_value(const Cell *nd, const Expansion *e, const Multipliers 
   double size2 = 0;
   for (int k = 0; k < 6; k++)
     for (int q = 0; q < 12; q++)
-      size2 += nd->gen[k][q] * nd->gen[k][q];
-  double t3 = third * size2 * sqrt(size2);
+      size2 += cell->gen[k][q] * cell->gen[k][q];
+  double t3 = third_order * size2 * sqrt(size2);
 #define FVAL(y, x) (4 * least_eigenvalue(10, y, 10) + 2 * least_eigenvalue(5, x, 5) - cs0 - t3)
   double best = 1e300;
   int bv = 0;
@@ -1004,8 +1004,8 @@ static double least_value(const Cell *nd, const Expansion *e, const Multipliers 
 }
 
 /* 1 if no n with n_i ≥ √ν, |n| = 1 fulfils Wn = 0 in the cell: √ν Σω_i is not in −(√7 − 7√ν) conv(ω_i). */
-static int has_no_null_vector(const Cell *nd, double size2) {
-  const double *W = nd->W, *F = nd->F;
+static int has_no_null_vector(const Cell *cell, double size2) {
+  const double *W = cell->W, *F = cell->F;
   double g[3] = {0};
   double x[3];
   for (int r = 0; r < 3; r++) {
@@ -1019,7 +1019,7 @@ static int has_no_null_vector(const Cell *nd, double size2) {
     x[r] = g[r] / ng;
   double kf[6][21];
   for (int k = 0; k < 6; k++)
-    times_f(nd->gen[k], F, kf[k]);
+    times_f(cell->gen[k], F, kf[k]);
   for (int it = 0; it < 12; it++) {
     // bound: lo*sum - rem - smax*... affine in t and min over i : concave -> for each i: affine fn lower bound
     double worst = 1e300;
