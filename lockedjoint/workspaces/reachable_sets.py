@@ -223,8 +223,11 @@ class ReachableSets(FailureSets):
             x, y = cos * x - sin * y, sin * x + cos * y
         swept = np.stack([x, y, z], axis=-1).reshape(-1, 3)
         if len(swept) > 1:
-            rounded = np.round(swept / (self.voxel / 4)).astype(np.int32)
-            swept = swept[np.unique(rounded, axis=0, return_index=True)[1]]
+            rounded = np.round(swept / (self.voxel / 4)).astype(np.int64)
+            rounded -= rounded.min(axis=0)
+            # One number for each cell: to sort numbers is faster than to sort rows.
+            cell = np.ravel_multi_index(tuple(rounded.T), tuple(rounded.max(axis=0) + 1))
+            swept = swept[np.unique(cell, return_index=True)[1]]
         return _Reach(swept, None, reach.dimension + moves)
 
     def _carried(self, reach: _Reach, joint: int) -> _Reach:

@@ -157,8 +157,8 @@ def test_a_plan_begins_where_the_arm_stands(folder):
 def test_the_command_times_both_as_one(folder, lockedjoint):
     pytest.importorskip("toppra", reason="install toppra")
     place, q = folder
-    line = "path arm.urdf w.csv --tip tool --effort samples=6 --effort tracks=8"
-    line += " --q state.yaml --acceleration 2 --jerk 50 --out-dir done"
+    line = "path arm.urdf w.csv --tip tool --effort samples=6 --effort tracks=4"
+    line += " --effort rounds=1 --q state.yaml --acceleration 2 --jerk 50 --out-dir done"
     done = lockedjoint.here(*line.split(), cwd=place)
     assert done.returncode == 0, done.stderr
     assert "finger" in done.stderr
@@ -191,7 +191,7 @@ def test_a_timed_tool_that_is_far_from_the_path_is_noted(
     ways = [[0, 0, 0], [0, 0.1, 0], [0, 0.1, -0.1]]
     lines = [",".join(map(str, np.add(first, way).tolist())) for way in ways]
     (place / "w.csv").write_text("x,y,z\n" + "\n".join(lines))
-    line = "path arm.urdf w.csv --tip tool --effort tracks=8 --effort rounds=1 --json"
+    line = "path arm.urdf w.csv --tip tool --effort tracks=4 --effort rounds=0 --json"
     line += f" --acceleration 2 --corners {corners} --effort samples={samples}"
     done = lockedjoint.here(*line.split(), cwd=place)
     assert done.returncode == 0, done.stderr

@@ -64,7 +64,7 @@ def document(tmp_path_factory):
 def test_other_points_prove_it_as_well(document, tmp_path):
     (tmp_path / "bound.json").write_text(json.dumps(document))
     read = read_any(tmp_path / "bound.json")
-    first, second = (verify_bound(read, rng=seed).check["lever_defect"] for seed in (1, 2))
+    first, second = (verify_bound(read, rng=seed).check["lever_defect"] for seed in (0, 1))
     assert first != second
     assert excludes_isotropic_levers(min(first, second), document["bound"])
 

@@ -57,7 +57,7 @@ def test_it_has_all_kinds_of_sums_and_other_points_prove_it_as_well(document, tm
     assert all(blocks_of(document, part) for part in ("spectral", "near", "gram"))
     (tmp_path / "bound.json").write_text(json.dumps(document))
     read = read_any(tmp_path / "bound.json")
-    first, second = (verify_bound(read, rng=seed).check["margin"] for seed in (1, 2))
+    first, second = (verify_bound(read, rng=seed).check["margin"] for seed in (0, 1))
     assert first != second
     assert max(first, second) < 0
 
