@@ -124,6 +124,7 @@ def with_number(path: Path) -> tuple[Path, int | None]:
 def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
     """Read a row of J per line; a first line without any number is a header."""
     rows: list[list[float]] = []
+    texts: list[list[str]] = []
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
@@ -141,19 +142,18 @@ def _read_text(path: Path, content: bytes) -> list[tuple[str, npt.ArrayLike]]:
             allowed = "a number; decimals have a point, or a comma where ; separates"
             allowed += "; a header has no number, and rows have no names"
             raise InputError(f"line {number} of {path}", cell or "an empty cell", allowed)
-        if not rows and _counts_columns(cells):
-            allowed = (
-                "a row of J; put # before the numbers of columns, or write 0.0 for a 0 of J"
-            )
-            raise InputError(f"line {number} of {path}", ", ".join(cells), allowed)
         if rows and row and len(row) != len(rows[0]):
             allowed = f"{len(rows[0])}, as in the rows before"
             raise InputError(
                 f"line {number} of {path}", f"a row of {len(row)} numbers", allowed
             )
         rows += [row] if row else []
+        texts += [cells] if row else []
     if not rows:
         raise FileError("file", str(path), "one with rows of numbers")
+    if _counts_columns(*texts):
+        allowed = "a row of J; put # before numbers of columns, or write 1.0 for a 1 of J"
+        raise InputError(f"first row of {path}", ", ".join(texts[0]), allowed)
     return [(path.name, rows)]
 
 
@@ -164,10 +164,14 @@ def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.split(",")] if "," in line else line.split()
 
 
-def _counts_columns(cells: list[str]) -> bool:
-    """Whether a line reads 0, 1, 2, … or 1, 2, 3, …, as tables number their columns."""
-    numbered_from = (list(map(str, range(first, first + len(cells)))) for first in (0, 1))
-    return len(cells) > _FEW_COLUMNS and cells in numbered_from
+def _counts_columns(first: list[str], *others: list[str]) -> bool:
+    """Whether the first row reads 0, 1, 2, … or 1, 2, 3, …, as tables number their columns.
+
+    Small examples may begin so, too, but they have whole numbers in the other rows as well.
+    """
+    numbered_from = (list(map(str, range(begin, begin + len(first)))) for begin in (0, 1))
+    whole = all(cell.lstrip("+-").isdecimal() for cells in others for cell in cells)
+    return len(first) > _FEW_COLUMNS and first in numbered_from and not whole
 
 
 def _value(cell: str) -> float | None:

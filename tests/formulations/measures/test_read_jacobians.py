@@ -48,7 +48,9 @@ def test_numbers_of_columns_are_no_row(tmp_path, header):
     assert read_jacobians(tmp_path / "a.csv")[0][1].shape == MATRIX.shape
 
 
-@pytest.mark.parametrize("rows", ["0.0,1,2,3\n1,0,1,0", "1,0,1\n0,1,2", "0,1,3\n1,0,1"])
+@pytest.mark.parametrize(
+    "rows", ["0.0,1,2,3\n1,0,1,0.5", "1,0,1\n0,1,2.5", "0,1,3\n1,0,1.5", "1 2 3\n4 5 -7"]
+)
 def test_rows_that_only_look_like_numbers_of_columns_are_rows(tmp_path, rows):
     (tmp_path / "a.csv").write_text(rows)
     assert len(read_jacobians(tmp_path / "a.csv")[0][1]) == 2
