@@ -41,7 +41,7 @@ def test_numbers_of_columns_are_no_row(tmp_path, header):
     """As pandas' `to_csv(index=False)` writes them; measured, they would be a row of J."""
     (tmp_path / "a.csv").write_text(f"{header}\n{text(MATRIX)}")
     with pytest.raises(
-        InputError, match=r"is [01], [12], .*put # before the numbers of columns"
+        InputError, match=r"is [01], [12], .*put # before numbers of columns"
     ):
         read_jacobians(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text(f"# {header}\n{text(MATRIX)}")
