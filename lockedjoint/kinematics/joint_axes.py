@@ -35,7 +35,7 @@ class JointAxes:
         orientation = np.broadcast_to(np.eye(3), (*shape[:-1], 3, 3))
         shift = np.zeros((*shape[:-1], 3))
         directions, points = np.empty((*shape, 3)), np.empty((*shape, 3))
-        # Of all joints at once: one call of many operations in place of one for each joint.
+        # The turns of all joints are computed at once: one call for each joint takes longer.
         turns = rotation(self.directions, np.where(self.prismatic, 0.0, displacements))
         for i in range(shape[-1]):
             axis, point = self.directions[..., i, :], self.points[..., i, :]

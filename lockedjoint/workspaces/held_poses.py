@@ -64,7 +64,7 @@ class HeldPoses:
         chain, targets = from_first_joint(self.arm), points.T
         wanted = self.rotation @ chain.tip_at(np.zeros((len(self.arm.joints), 1)))[1][..., 0]
 
-        # As that of `at`, by the chain itself, which is twice as fast.
+        # The residual is that of `at`. The chain itself computes it twice as fast.
         def residual(which: IntArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
             tip, turn, matrix = chain.forward(q, self.rows)
             turned = rotation_vectors(np.einsum("ij,kjb->ikb", wanted, turn))

@@ -255,7 +255,7 @@ def limits_of(limits: Limits | None, arm: Chain) -> Ranges:
             raise InputError(f"limits of {name}", ends, "a lower and an upper limit")
         allowed = "a finite number, radians or metres"
         low, high = (real_number(f"limits of {name}", end, allowed) for end in pair.tolist())
-        # How the limits were stated is kept, for errors.
+        # The unit in which the limits were stated is kept for errors.
         stated = FromDegrees if isinstance(ends[0], FromDegrees) else float
         ranges[name] = stated(low), stated(high)
     return tuple(ranges.values())
