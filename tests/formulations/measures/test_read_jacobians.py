@@ -40,9 +40,7 @@ def test_reads_every_digit(tmp_path, name, content):
 def test_numbers_of_columns_are_no_row(tmp_path, header):
     """As pandas' `to_csv(index=False)` writes them; measured, they would be a row of J."""
     (tmp_path / "a.csv").write_text(f"{header}\n{text(MATRIX)}")
-    with pytest.raises(
-        InputError, match=r"is [01], [12], .*put # before numbers of columns"
-    ):
+    with pytest.raises(InputError, match=r"is [01], [12], .*put # before numbers of columns"):
         read_jacobians(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text(f"# {header}\n{text(MATRIX)}")
     assert read_jacobians(tmp_path / "a.csv")[0][1].shape == MATRIX.shape
