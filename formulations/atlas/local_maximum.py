@@ -355,15 +355,10 @@ class Conditions:
             by_j[places] -= once * factor * entries
             by_mu.append(-once * np.sum(entries * moved[places]))
         by_t = once * (twice - np.sum(p * p))
-        doubled = [
-            *(2 * by_j),
-            *(2 * by_p.ravel()),
-            *by_w,
-            2 * by_t,
-            *(2 * one for one in by_mu),
-        ]
+        by_weights, by_turns = (np.array(one, dtype=object) for one in (by_w, by_mu))
+        parts = (2 * by_j, 2 * by_p.ravel(), by_weights, [2 * by_t], 2 * by_turns)
         # A quotient of integers is rounded once.
-        return np.asarray(np.array(doubled, dtype=object) / (2 * once * twice), dtype=float)
+        return np.asarray(np.concatenate(parts) / (2 * once * twice), dtype=float)
 
     def slope(self, x: FloatArray) -> FloatArray:
         """Return the second derivatives of G, shape (N, N), in double precision."""
