@@ -1,4 +1,5 @@
 """The certificate of a cell: multipliers for which no arm of a frame in it fulfils the equations."""
+
 from __future__ import annotations
 from dataclasses import dataclass
 import itertools
@@ -49,8 +50,15 @@ def equations():
                 for j in range(i + 1, 4):
                     k, m = [t for t in range(4) if t not in (i, j)]
                     s = _sign((a, c, d, 3)) * _sign((i, j, k, m))
-                    add([(4 * a + i, 4 * c + j, 1.0), (4 * a + j, 4 * c + i, -1.0),
-                         (4 * d + k, 12 + m, -s), (4 * d + m, 12 + k, s)], 0)
+                    add(
+                        [
+                            (4 * a + i, 4 * c + j, 1.0),
+                            (4 * a + j, 4 * c + i, -1.0),
+                            (4 * d + k, 12 + m, -s),
+                            (4 * d + m, 12 + k, s),
+                        ],
+                        0,
+                    )
     return np.array(E), np.array(b, float)
 
 
@@ -60,6 +68,7 @@ EQUATIONS, RIGHT = equations()
 @dataclass
 class Multipliers:
     """For N cells: of the equations (N,37), of q's block (N,4,4), of the products (N,21), of n_i ≥ √ν (N,7), of n_i ≤ … (N,7), constant (N,)."""
+
     equations: np.ndarray
     shared: np.ndarray
     products: np.ndarray
@@ -68,7 +77,12 @@ class Multipliers:
     constant: np.ndarray
 
     def take(self, which):
-        return Multipliers(*(getattr(self, n)[which] for n in ("equations", "shared", "products", "lower", "upper", "constant")))
+        return Multipliers(
+            *(
+                getattr(self, n)[which]
+                for n in ("equations", "shared", "products", "lower", "upper", "constant")
+            )
+        )
 
 
 def polynomial(m, limit):
@@ -77,7 +91,9 @@ def polynomial(m, limit):
     least, most = np.sqrt(nu), np.sqrt(1 - 6 * nu)
     N = len(m.constant)
     phi, c = np.zeros((N, 7, 7)), np.zeros((N, 7))
-    c0 = -least**2 * m.products.sum(1) + least * m.lower.sum(1) + least * most * m.upper.sum(1)
+    c0 = (
+        -(least**2) * m.products.sum(1) + least * m.lower.sum(1) + least * most * m.upper.sum(1)
+    )
     for p, (i, j) in enumerate(PAIRS):
         phi[:, i, j] += m.products[:, p] / 2
         phi[:, j, i] += m.products[:, p] / 2
@@ -120,8 +136,9 @@ def greatest_square(P2):
     k, l = np.array(UPPER).T
     d = P2[:, np.arange(6), np.arange(6)]
     off = (2 * CORNERS[:32, k] * CORNERS[:32, l]) @ P2[:, k, l].reshape(N, 15, a * b)
-    return _high(off.reshape(N, 32, a, b) + 0.5 * d.sum(1)[:, None]).max(1) + 0.5 * _high(d).sum(1)
-
+    return _high(off.reshape(N, 32, a, b) + 0.5 * d.sum(1)[:, None]).max(1) + 0.5 * _high(
+        d
+    ).sum(1)
 
 
 def _size(M):
@@ -141,7 +158,9 @@ def greatest_pairs(P2):
     N, _, a, b = P2.shape
     d = P2[:, SQUARES]
     off = 2 * MONOMIALS[7:, :32].T @ P2[:, MIXED].reshape(N, 15, a * b)
-    return _high(off.reshape(N, 32, a, b) + 0.5 * d.sum(1)[:, None]).max(1) + 0.5 * _high(d).sum(1)
+    return _high(off.reshape(N, 32, a, b) + 0.5 * d.sum(1)[:, None]).max(1) + 0.5 * _high(
+        d
+    ).sum(1)
 
 
 def positive(A, n):
@@ -186,20 +205,28 @@ class Expansion:
         L1 = kB[..., :6].transpose(0, 2, 1, 3)
         N1 = kB[..., 6:].transpose(0, 2, 1, 3)
         u2 = (-0.5 * kB[..., :6] @ g[:, None])[:, :, FIRST, SECOND]
-        u2 = np.ascontiguousarray(np.swapaxes(u2, 1, 2))          # n,p,m
+        u2 = np.ascontiguousarray(np.swapaxes(u2, 1, 2))  # n,p,m
         G = (gt @ cells.B).reshape(N, 6, 3, 4)
         Gw = (np.swapaxes(G, 2, 3) @ W[:, None]).transpose(0, 3, 1, 2)
         E12 = np.concatenate([E, cells.C.reshape(N, 6, 3, 4)], 1)
-        R = np.swapaxes(E12, 2, 3).reshape(N, 48, 3)                # D2(K,L;V) = −C·(K Vᵀ L), symmetric part
-        GE = (G.reshape(N, 18, 4) @ R.reshape(N, 12, 4, 3).transpose(0, 2, 1, 3).reshape(N, 4, 36))
-        GE = GE.reshape(N, 6, 3, 12, 3).transpose(0, 1, 3, 2, 4).reshape(N, 216, 3)   # n,(k v a),b
+        R = np.swapaxes(E12, 2, 3).reshape(N, 48, 3)  # D2(K,L;V) = −C·(K Vᵀ L), symmetric part
+        GE = G.reshape(N, 18, 4) @ R.reshape(N, 12, 4, 3).transpose(0, 2, 1, 3).reshape(
+            N, 4, 36
+        )
+        GE = (
+            GE.reshape(N, 6, 3, 12, 3).transpose(0, 1, 3, 2, 4).reshape(N, 216, 3)
+        )  # n,(k v a),b
         GEG = (GE @ G.transpose(0, 2, 1, 3).reshape(N, 3, 24)).reshape(N, 6, 12, 3, 6, 4)
-        GEG = (GEG[:, FIRST, ..., SECOND, :] + GEG[:, SECOND, ..., FIRST, :]).transpose(1, 0, 2, 3, 4).reshape(N, 252, 12)
+        GEG = (
+            (GEG[:, FIRST, ..., SECOND, :] + GEG[:, SECOND, ..., FIRST, :])
+            .transpose(1, 0, 2, 3, 4)
+            .reshape(N, 252, 12)
+        )
         D2 = (GEG @ np.swapaxes(-0.5 * cells.C, 1, 2)).reshape(N, 21, 12, 6)
         L2 = np.swapaxes(D2[:, :, :6], 2, 3)
         N2 = np.swapaxes(D2[:, :, 6:], 2, 3)
         NL = N1.reshape(N, 36, 6) @ L1.transpose(0, 2, 1, 3).reshape(N, 6, 36)
-        NL = NL.reshape(N, 6, 6, 6, 6)                             # n,k,m,l,b
+        NL = NL.reshape(N, 6, 6, 6, 6)  # n,k,m,l,b
         NL = 0.5 * (NL[:, FIRST, :, SECOND] + NL[:, SECOND, :, FIRST]).transpose(1, 0, 2, 3)
         kCB = kap[:, :, 6:, :6].transpose(0, 2, 1, 3).reshape(N, 6, 36)
         self.Z1 = -L1
@@ -214,9 +241,15 @@ class Expansion:
         R = np.swapaxes(G, 2, 3).reshape(N, 24, 3)
         KtK = (R @ np.swapaxes(R, 1, 2)).reshape(N, 6, 4, 6, 4)
         KtK = 0.5 * (KtK[:, FIRST, :, SECOND] + KtK[:, SECOND, :, FIRST]).transpose(1, 0, 2, 3)
-        left = (KKt.reshape(N, 63, 3) @ E.transpose(0, 2, 1, 3).reshape(N, 3, 24)).reshape(N, 21, 3, 6, 4)
-        right = (E.reshape(N, 18, 4) @ KtK.transpose(0, 2, 1, 3).reshape(N, 4, 84)).reshape(N, 6, 3, 21, 4)
-        S2 = 0.5 * (left.transpose(0, 1, 3, 2, 4) + right.transpose(0, 3, 1, 2, 4)).reshape(N, 126, 12)
+        left = (KKt.reshape(N, 63, 3) @ E.transpose(0, 2, 1, 3).reshape(N, 3, 24)).reshape(
+            N, 21, 3, 6, 4
+        )
+        right = (E.reshape(N, 18, 4) @ KtK.transpose(0, 2, 1, 3).reshape(N, 4, 84)).reshape(
+            N, 6, 3, 21, 4
+        )
+        S2 = 0.5 * (left.transpose(0, 1, 3, 2, 4) + right.transpose(0, 3, 1, 2, 4)).reshape(
+            N, 126, 12
+        )
         self.T2 = np.swapaxes(self.Z2, 2, 3).reshape(N, 126, 6) @ cells.C + S2
         self.KtK = KtK
         self.G, self.u2 = G, u2
@@ -229,7 +262,11 @@ class Expansion:
         cells = self.cells
         least = cells.sg.min(1)
         k, l1, n1 = greatest(self.G), greatest(self.Z1), greatest(self.N1)
-        z2, n2, u2n = greatest_pairs(self.Z2), greatest_pairs(self.N2), greatest_pairs(self.u2[..., None])
+        z2, n2, u2n = (
+            greatest_pairs(self.Z2),
+            greatest_pairs(self.N2),
+            greatest_pairs(self.u2[..., None]),
+        )
         rs, ru, ru3 = cells.rs, cells.ru, cells.ru3
         for _ in range(3):
             r = np.sqrt(rs**2 + ru**2)
@@ -253,7 +290,9 @@ class Expansion:
     def take(self, which):
         """Return the expansion of some of the cells."""
         out = object.__new__(Expansion)
-        out.__dict__ = {n: a[which] if n != "cells" else a.take(which) for n, a in self.__dict__.items()}
+        out.__dict__ = {
+            n: a[which] if n != "cells" else a.take(which) for n, a in self.__dict__.items()
+        }
         return out
 
 
@@ -284,7 +323,7 @@ class Forms:
         X0[:, 1:, 1:] = Hq - Fphi @ np.swapaxes(F, 1, 2)
         ly, lx = np.linalg.eigvalsh(Y0)[:, 0], np.linalg.eigvalsh(X0)[:, 0]
         self.middle = (4 * ly + 2 * lx - bound) / 6
-        sy, sx = ly - self.middle, lx - self.middle                  # 4 sy + 2 sx = bound
+        sy, sx = ly - self.middle, lx - self.middle  # 4 sy + 2 sx = bound
         self.H = H - sy[:, None, None] * np.eye(16)
         self.Hq = Hq - sx[:, None, None] * np.eye(4)
         self.Y0 = Y0 - sy[:, None, None] * np.eye(10)
@@ -292,15 +331,19 @@ class Forms:
         self.HT0 = np.concatenate([HB, H[:, :, 12:]], 2)
         self.HT0[:, :12, :6] -= sy[:, None, None] * np.swapaxes(B, 1, 2)
         self.HT0[:, 12:, 6:] -= sy[:, None, None] * np.eye(4)
-        self.CHT0 = C @ self.HT0[:, :12]                             # n,m,10
-        self.CH = C @ self.H[:, :12]                                 # n,m,16
+        self.CHT0 = C @ self.HT0[:, :12]  # n,m,10
+        self.CH = C @ self.H[:, :12]  # n,m,16
         self.HC = self.CH[:, :, :12] @ np.swapaxes(C, 1, 2)
         self.phi, self.c, self.Fphi = phi, c, Fphi
         self._errors()
 
     def _errors(self):
         e = self.e
-        nH, nHT0, nCHT0 = np.abs(np.linalg.eigvalsh(self.H)).max(1), _size(self.HT0), _size(self.CHT0)
+        nH, nHT0, nCHT0 = (
+            np.abs(np.linalg.eigvalsh(self.H)).max(1),
+            _size(self.HT0),
+            _size(self.CHT0),
+        )
         nHC, nCH = np.abs(np.linalg.eigvalsh(self.HC)).max(1), _size(self.CH)
         t2 = e.z2 + e.k**2
         e3 = e.z3 + e.s3
@@ -315,7 +358,9 @@ class Forms:
         self.errY += 2 * e.l1 * nH * e3 + nH * (t2 + e3) ** 2
         nphi, nc = np.abs(np.linalg.eigvalsh(self.phi)).max(1), np.linalg.norm(self.c, axis=1)
         nHq = np.abs(np.linalg.eigvalsh(self.Hq)).max(1)
-        self.errX = nc * e.ru3 / 2 + 2 * nphi * e.ru3 + nphi * e.cross + nHq * (e.cross + 0.5 * e.R2**2)
+        self.errX = (
+            nc * e.ru3 / 2 + 2 * nphi * e.ru3 + nphi * e.cross + nHq * (e.cross + 0.5 * e.R2**2)
+        )
 
     def scores(self):
         """Return how much each edge changes the forms to first order, next to their least eigenvalues (N,6)."""
@@ -326,7 +371,9 @@ class Forms:
     def take(self, which):
         """Return the forms of some of the cells."""
         out = object.__new__(Forms)
-        out.__dict__ = {n: a.take(which) if n == "e" else a[which] for n, a in self.__dict__.items()}
+        out.__dict__ = {
+            n: a.take(which) if n == "e" else a[which] for n, a in self.__dict__.items()
+        }
         return out
 
     def expand(self):
@@ -361,7 +408,9 @@ class Forms:
         out = []
         for P in (self.Y, self.X):
             w, v = np.linalg.eigh(P[:, 7 + SQUARES])
-            P0 = P[:, 0] + ((v * np.minimum(w, 0)[:, :, None, :]) @ np.swapaxes(v, -1, -2)).sum(1)
+            P0 = P[:, 0] + ((v * np.minimum(w, 0)[:, :, None, :]) @ np.swapaxes(v, -1, -2)).sum(
+                1
+            )
             out.append(np.concatenate([P0[:, None], P[:, 1:7], P[:, 7 + MIXED]], 1))
         return out
 
@@ -370,7 +419,9 @@ def corner_values(forms):
     """Return the least eigenvalues of Y and X, less the errors, at the corners (N,64)."""
     N = len(forms.Y)
     Y, X = forms.lower()
-    vy = np.linalg.eigvalsh((MONOMIALS.T @ Y.reshape(N, 22, 100)).reshape(N, 64, 10, 10))[..., 0]
+    vy = np.linalg.eigvalsh((MONOMIALS.T @ Y.reshape(N, 22, 100)).reshape(N, 64, 10, 10))[
+        ..., 0
+    ]
     vx = np.linalg.eigvalsh((MONOMIALS.T @ X.reshape(N, 22, 25)).reshape(N, 64, 5, 5))[..., 0]
     return vy - forms.errY[:, None], vx - forms.errX[:, None]
 
@@ -405,7 +456,7 @@ def _corners(Y, X, errY, errX, theta, margin):
     j, i = np.triu_indices(5)
     M = np.zeros((a.shape[1], 5, 5))
     M[:, i, j] = a.T
-    x = np.linalg.eigvalsh(M)[:, 0] - 1e-9                      # "L": only the lower part is read
+    x = np.linalg.eigvalsh(M)[:, 0] - 1e-9  # "L": only the lower part is read
     vx = x.reshape(N, 64) - errX[:, None]
     need = (margin - 2 * np.minimum(vx, theta[:, None] * vx)) / 4
     need = np.where(need > 0, need / theta[:, None], need) + errY[:, None]
@@ -422,7 +473,9 @@ def excluded(expansion, m, limit, margin):
     forms = Forms(expansion, m, limit)
     e = expansion
     out = np.zeros(len(forms.middle), bool)
-    forms.slack = slack = np.minimum(forms.middle, e.theta * forms.middle) * 6 - 4 * forms.errY - 2 * forms.errX
+    forms.slack = slack = (
+        np.minimum(forms.middle, e.theta * forms.middle) * 6 - 4 * forms.errY - 2 * forms.errX
+    )
     with np.errstate(all="ignore"):
         todo = np.flatnonzero(e.cells.ok & np.isfinite(slack) & (slack > margin))
     for s in range(0, len(todo), TOGETHER):

@@ -10,14 +10,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.lever_cells.bound import EQUATIONS, PAIRS, RIGHT, Multipliers
+from lockedjoint.formulations.bounds.lever_cells.bound import (
+    EQUATIONS,
+    PAIRS,
+    RIGHT,
+    Multipliers,
+)
 
 #: Weight of the first-order change of the quadratic form, and what is added to its squares.
 SPREAD = 3.0
 RIDGE = 1e-4
 #: Weight of s at the start; factor between two weights; duality gap at the end, as a part of −s.
-WEIGHT = 20.0
-GROWTH = 5.0
+WEIGHT = 300.0
+GROWTH = 3.0
 SHARE = 0.8
 #: Steps of Newton's method at most, and of the search along a line.
 STEPS = 40
@@ -36,7 +41,9 @@ HALF = (SCALE[:, None] * SCALE / 2).ravel()
 PLACE = np.zeros((10, 10), int)
 PLACE[ROW, COL] = PLACE[COL, ROW] = np.arange(55)
 #: Unknowns that X = [1 qᵀ; q Q] − s and the inequalities depend on: Q, q and s.
-SHARED = np.array([PLACE[6 + i, 6 + j] for i in range(4) for j in range(i, 4)] + [55, 56, 57, 58, 59])
+SHARED = np.array(
+    [PLACE[6 + i, 6 + j] for i in range(4) for j in range(i, 4)] + [55, 56, 57, 58, 59]
+)
 
 
 def _directions():
@@ -63,7 +70,9 @@ def _inequalities(F, limit):
     nn = np.swapaxes(F, 1, 2)[:, None] @ DX[:, 1:, 1:] @ F[:, None]
     nn[:, 14] = 0
     squares = nn[:, :, np.arange(7), np.arange(7)]
-    DG = np.concatenate([nn[:, :, i, j] - least * (n[:, :, i] + n[:, :, j]), n, (least + most) * n - squares], 2)
+    DG = np.concatenate(
+        [nn[:, :, i, j] - least * (n[:, :, i] + n[:, :, j]), n, (least + most) * n - squares], 2
+    )
     DG[:, 14] = -1
     g0 = np.concatenate([np.full(21, least**2), np.full(7, -least), np.full(7, -least * most)])
     return g0, np.ascontiguousarray(np.swapaxes(DG, 1, 2))
@@ -114,7 +123,10 @@ def multipliers(e, limit):
     MM = np.swapaxes(M, 1, 2) @ M
     g0, DG = _inequalities(F, limit)
     x = np.zeros((N, 60))
-    start = np.linalg.solve(E @ np.swapaxes(E, 1, 2) + 1e-9 * np.eye(37), np.broadcast_to(RIGHT[:, None], (N, 37, 1)))
+    start = np.linalg.solve(
+        E @ np.swapaxes(E, 1, 2) + 1e-9 * np.eye(37),
+        np.broadcast_to(RIGHT[:, None], (N, 37, 1)),
+    )
     x[:, :55] = (np.swapaxes(E, 1, 2) @ start)[:, :, 0]
     x[:, 55:59] = 0.9 * F.sum(2) / np.sqrt(7)
     X0 = np.zeros((5, 5))
@@ -151,7 +163,7 @@ def multipliers(e, limit):
         H[:, :55, :55] += (2 / phi)[:, None, None] * MM[at]
         ball = 2 * (np.swapaxes(M[at], 1, 2) @ y[:, :, None])[:, :, 0] / phi[:, None]
         H[:, :55, :55] += ball[:, :, None] * ball[:, None, :]
-        P2 = (PY @ PY)
+        P2 = PY @ PY
         H[:, 59, :55] = H[:, :55, 59] = -P2[:, ROW, COL] * SCALE
         H[:, 59, 59] = np.trace(P2, axis1=1, axis2=2)
         tx = (np.swapaxes(rx, 1, 2)[:, None] @ DX @ rx[:, None]).reshape(n, 15, 25)
@@ -170,10 +182,17 @@ def multipliers(e, limit):
         hopeless = (decrement < NEAR) & (s > 0) | ~np.isfinite(decrement)
         dY = (step[:, :55] / SCALE)[:, PLACE] - step[:, 59, None, None] * np.eye(10)
         dX = (step[:, SHARED] @ DX.reshape(15, 25)).reshape(n, 5, 5)
-        eigen = [np.linalg.eigvalsh(np.swapaxes(ry, 1, 2) @ dY @ ry), np.linalg.eigvalsh(np.swapaxes(rx, 1, 2) @ dX @ rx)]
+        eigen = [
+            np.linalg.eigvalsh(np.swapaxes(ry, 1, 2) @ dY @ ry),
+            np.linalg.eigvalsh(np.swapaxes(rx, 1, 2) @ dX @ rx),
+        ]
         eigen.append((tg @ step[:, SHARED, None])[:, :, 0])
         dy = (M[at] @ step[:, :55, None])[:, :, 0]
-        a = _line(tau * step[:, 59], np.concatenate(eigen, 1), ((ball * step[:, :55]).sum(1), -(dy * dy).sum(1) / phi))
+        a = _line(
+            tau * step[:, 59],
+            np.concatenate(eigen, 1),
+            ((ball * step[:, :55]).sum(1), -(dy * dy).sum(1) / phi),
+        )
         a = np.where(decrement < 0.3, 1.0, a)
         go = ~(over | hopeless)
         x[at[go]] += (a[:, None] * step)[go]
