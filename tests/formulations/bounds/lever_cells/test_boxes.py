@@ -120,6 +120,33 @@ def test_what_a_box_hands_down_bounds_its_halves_as_boxes():
             assert max(s[found].max() for s in shares(half, frames).values()) <= 1 + ROUNDING
 
 
+def test_what_is_known_beforehand_may_be_of_another_middle():
+    # of a thin box: frames lie along half a parabola, so within half its length of its middle
+    rng, chart, t, h, box = made(13, 0.05, 0.001)
+    own = box.w2[ROWS, AXES, AXES]
+    near = 0.55 * lengths(own) + box.w3
+    again = boxes(chart, t, h, box.z0 + 0.5 * own, box.slope, near)
+    wrong = boxes(chart, t, h, box.z0 + own, 0 * box.slope, near + 0.1)
+    for tau in places(rng, 9, AXES, alone=True):
+        frames = exact(chart, t, h, tau, box.z0)
+        rest = frames.z - box.z0 - 0.5 * own - np.einsum("nk,nkm->nm", tau, box.slope)
+        assert (lengths(rest) <= near)[frames.found].all()
+        for found in (again, wrong):
+            assert np.allclose(found.z0, box.z0)
+            assert shares(found, frames)["rw"][frames.found].max() <= 1 + ROUNDING
+
+
+def test_a_box_without_a_tight_frame_in_its_middle_is_not_ok():
+    rng = np.random.default_rng(14)
+    chart = random_chart(rng, 0.6)
+    t = rng.normal(size=(N, 6)) * 0.7
+    box = boxes(chart, t, np.full((N, 6), 1e-3), 0 * t, np.zeros((N, 6, 6)), np.full(N, np.inf))
+    assert 0 < box.ok.sum() < N
+    columns = (box.W**2).sum(1)
+    assert np.abs(columns - 3 / 7)[box.ok].max() < 1e-10
+    assert np.abs(columns - 3 / 7).max() > 1e-3
+
+
 def test_a_box_that_is_not_ok_hands_down_nothing():
     *_, box = made(6, 0.05)
     lost = box.take(ROWS)

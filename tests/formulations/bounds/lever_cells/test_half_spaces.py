@@ -32,9 +32,9 @@ def centres():
     z, residual = charts.middles(first, t, np.zeros_like(t))
     K = (t @ first.B + z @ first.C).reshape(-1, 3, 4)
     made = Centres(RADIUS)
-    made.add(first.W)
+    made.add(first.W, 0.004)
     for W in (first.W + K @ first.F)[residual < charts.RESIDUAL]:
-        made.add(np.linalg.svd(W, full_matrices=False)[2], rng.uniform(0, 0.01))
+        made.add(np.linalg.svd(W, full_matrices=False)[2], rng.uniform(-0.02, 0.02))
     assert len(made.charts) > 50
     return made
 
