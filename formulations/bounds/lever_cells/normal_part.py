@@ -41,6 +41,8 @@ CLOSEST = 0.98
 DEFECT = 3e-11
 #: Factor above rounding in a greatest singular value.
 UP = 1 + 1e-12
+#: The same in `corners.high3`: where two singular values agree it has half of the digits.
+CLOSED_UP = 1 + 1e-7
 _DIAGONAL = np.arange(6)
 
 
@@ -146,10 +148,8 @@ def normal_part(
     Every round takes bounds that hold and finds others: no fixed point is needed. Where
     ‖K0‖‖D'‖ may be as large as `CLOSEST`, they are infinite or nan.
     """
-    tangent, edges = (
-        greatest_length(c.G),
-        greatest(np.ascontiguousarray(c.G.reshape(-1, 6, 3, 4))),
-    )
+    tangent = greatest_length(c.G)
+    edges = greatest(np.ascontiguousarray(c.G.reshape(-1, 6, 3, 4))) * CLOSED_UP
     hw = np.minimum(norm(c.H), 1.0)  # ‖ρ0‖, ‖σ0‖ ≤ 1
     # Σ w_m H_m has the part C Hᵀ w along C, and one that adds to Σ τ_k G_k
     aside, along = norm(c.H - swap(c.normal) @ c.C), norm(c.normal)
