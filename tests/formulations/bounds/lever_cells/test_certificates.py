@@ -10,9 +10,11 @@ from lockedjoint.formulations.bounds.lever_cells.certificates import (
     excluded,
     positive,
     values,
+    without_squares,
 )
 from lockedjoint.formulations.bounds.lever_cells.corners import (
     FIRST,
+    MONOMIALS,
     SECOND,
     swap,
     symmetric_size,
@@ -131,6 +133,7 @@ def test_negative_or_infinite_multipliers_exclude_nothing():
         found, _ = excluded(expansion, Multipliers.unpacked(rows), LIMIT, MARGIN)
         assert not found[3]
         assert found.sum() == COUNT - 1
+        assert not excluded(expansion, Multipliers.unpacked(rows), LIMIT, -1.0)[0][3]
 
 
 def test_cells_whose_bounds_do_not_hold_are_not_excluded():
@@ -175,6 +178,22 @@ def test_cells_with_an_arm_are_never_excluded():
                 assert not excluded(expansion, m, limit, 0.0)[0].any()
             below.append(excluded(expansion, m, smaller, 0.0)[0].sum())
     assert below[0] == 6
+
+
+def test_corners_without_squares_are_below_all_places():
+    rng = np.random.default_rng(7)
+    coefficients = rng.normal(size=(50, 28, 4, 4))
+    coefficients = coefficients + swap(coefficients)
+    corners = np.einsum("pc,npij->ncij", MONOMIALS, without_squares(coefficients))
+    lower = np.linalg.eigvalsh(corners)[..., 0].min(1)
+    for reach in (0.0, 0.3, 1.0):
+        for _ in range(20):
+            places = reach * rng.uniform(-1, 1, (50, 6))
+            assert (np.linalg.eigvalsh(at_place(coefficients, places))[:, 0] >= lower).all()
+    # positive squares are left out, negative ones counted in full
+    squares = np.zeros((2, 28, 1, 1))
+    squares[:, 7, 0, 0] = 1.0, -1.0
+    assert without_squares(squares)[:, 0, 0, 0].tolist() == [0.0, -1.0]
 
 
 def test_positive_matrices_are_those_with_positive_eigenvalues():
