@@ -8,7 +8,8 @@
 - two locked joints: `two_point` (search) and `two_point_proof`;
 - branch and bound: `planar`, with `planar_node`, `planar_cells` and `planar_conditions`;
   `five_levers`;
-- seven revolute joints: the folder `moments`, `spectral_limit` and `revolute_exclusions`.
+- seven revolute joints: the folder `moments`, `spectral_limit` and `revolute_exclusions`;
+- isotropic lever arms by cells, which proves no bound yet: the folder `lever_cells`.
 
 All of them use `rational_roots`, `exact_matrices` or `unit_cube` where a proof is exact.
 """

@@ -41,7 +41,7 @@ _LINE_STEPS = 5
 #: Newton decrement below which the weight grows, and a program with s > 0 is given up.
 _NEAR = 0.5
 #: Newton decrement below which a program may end.
-_END = 0.1
+_END = 0.02
 #: Newton decrement below which a step is taken in full.
 _FULL = 0.3
 #: Part of the way to the boundary that a step may go.
