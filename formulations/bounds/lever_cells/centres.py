@@ -15,8 +15,10 @@ from lockedjoint.nlp.arrays import FloatArray
 
 #: All orders of seven columns, 5040×7.
 ORDERS = np.array(list(itertools.permutations(range(7))))
-#: Places in the upper triangle of a 7×7 matrix, 21 of each.
-ROWS, COLS = np.triu_indices(7, 1)
+#: Rows of the places in the upper triangle of a 7×7 matrix, 21.
+ROWS = np.triu_indices(7, 1)[0]
+#: Columns of these places.
+COLS = np.triu_indices(7, 1)[1]
 #: What the diagonals add to tr P P' of tight frames: 7 (3/7)².
 DIAGONAL = 9.0 / 7.0
 #: Squared distance 3 − tr P P' below which a pair is the centre itself.

@@ -28,10 +28,14 @@ SIDES = 6
 CORNERS: FloatArray = np.array(list(itertools.product((-1.0, 1.0), repeat=SIDES)))
 #: Half of the corners, 32×6: the other half are their negatives.
 HALF = CORNERS[:32]
-#: Pairs k < l, 15 of each.
-UPPER_K, UPPER_L = np.triu_indices(SIDES, 1)
-#: Pairs k ≤ l, 21 of each.
-FIRST, SECOND = np.triu_indices(SIDES)
+#: First members of the 15 pairs k < l.
+UPPER_K = np.triu_indices(SIDES, 1)[0]
+#: Their second members.
+UPPER_L = np.triu_indices(SIDES, 1)[1]
+#: First members of the 21 pairs k ≤ l.
+FIRST = np.triu_indices(SIDES)[0]
+#: Their second members.
+SECOND = np.triu_indices(SIDES)[1]
 #: Which of the pairs k ≤ l have k = l.
 SQUARES = np.flatnonzero(FIRST == SECOND)
 #: Which have k < l, in the order of `UPPER_K`.

@@ -19,8 +19,10 @@ from lockedjoint.nlp.arrays import FloatArray
 EQUATION_COUNT = 37
 #: Numbers of the multipliers of one cell: 37 + 16 + 21 + 7 + 7 + 1.
 MULTIPLIER_COUNT = 89
-#: Pairs i < j of columns, 21 of each.
-PAIR_I, PAIR_J = np.triu_indices(7, 1)
+#: First members of the 21 pairs i < j of columns.
+PAIR_I = np.triu_indices(7, 1)[0]
+#: Their second members.
+PAIR_J = np.triu_indices(7, 1)[1]
 #: Where the packed parts of multipliers end: 37, 53, 74, 81, 88.
 _ENDS = np.cumsum([EQUATION_COUNT, 16, 21, 7, 7])
 
@@ -67,8 +69,11 @@ def equations() -> tuple[FloatArray, FloatArray]:
     return np.array(E), np.array(right)
 
 
-#: The equations' matrices, 37×16×16, and right sides, 37.
-EQUATIONS, RIGHT = equations()
+_SYSTEM = equations()
+#: The equations' matrices, 37×16×16.
+EQUATIONS = _SYSTEM[0]
+#: Their right sides, 37.
+RIGHT = _SYSTEM[1]
 
 
 @dataclass(frozen=True)

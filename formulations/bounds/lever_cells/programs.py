@@ -43,8 +43,10 @@ UNKNOWNS = 60
 IN_Y = 55
 #: Place of s among the unknowns.
 S = 59
-#: Rows and columns of a 10×10 matrix, above and on the diagonal.
-ROW, COLUMN = np.triu_indices(10)
+#: Rows of the places on and above the diagonal of a 10×10 matrix, 55.
+ROW = np.triu_indices(10)[0]
+#: Columns of these places.
+COLUMN = np.triu_indices(10)[1]
 #: Factors of these entries in x.
 SCALE: FloatArray = np.where(ROW == COLUMN, 1.0, np.sqrt(2.0))
 #: Place of each entry of Y in x.

@@ -15,8 +15,10 @@ PIVOTS = 40
 COST = 1e-7
 #: Entries of a column at most this large are no pivots.
 PIVOT = 1e-9
-#: Rows of a tableau: 6 absolute values, the sum of λ, the reduced costs.
-SUM, COSTS = 6, 7
+#: Row of a tableau with the sum of λ, below those of six absolute values.
+SUM = 6
+#: Row with the reduced costs.
+COSTS = 7
 _SIX = np.arange(6)
 
 
