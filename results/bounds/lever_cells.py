@@ -12,6 +12,7 @@ import numpy as np
 from lockedjoint.formulations.bounds.lever_cells.charts import tight_chart
 from lockedjoint.formulations.bounds.lever_cells.trees import Census, Nodes, census
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 #: Half side of a cube, as a length of K.
 HALF_SIDE = 0.1
@@ -69,8 +70,9 @@ def _weight(axes: FloatArray) -> float:
 def cubes(limit: float, seconds: float, seed: int) -> tuple[list[Census], FloatArray]:
     """Return what cubes around random frames take, until the seconds are over, and weights."""
     rng, start = np.random.default_rng(seed), time.monotonic()
-    found, weights = [], []
-    while time.monotonic() - start < seconds:
+    found: list[Census] = []
+    weights: list[float] = []
+    while not found or time.monotonic() - start < seconds:
         frame, weight = random_frame(rng)
         chart = tight_chart(frame, RADIUS**2 / (1 + RADIUS**2))
         found.append(census(chart, limit, Nodes.cube(HALF_SIDE), CUBE_SECONDS))
@@ -107,8 +109,11 @@ def main() -> None:
     asked = parser.parse_args()
     print("| A | cubes | boxes | certificates | greatest share | programs | one core | left |")
     print("|--:|--:|--:|--:|--:|--:|--:|--:|")
-    for limit in asked.limits:
-        print(row(limit, asked.seconds, asked.seed), flush=True)
+    try:
+        for limit in asked.limits:
+            print(row(limit, asked.seconds, asked.seed), flush=True)
+    except InputError as error:
+        parser.error(str(error))
 
 
 if __name__ == "__main__":

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lockedjoint.formulations.bounds.lever_cells.cases import Cases
 from lockedjoint.formulations.bounds.lever_cells.charts import Chart, normals, roots
 from lockedjoint.formulations.bounds.lever_cells.corners import swap
 from lockedjoint.nlp.arrays import FloatArray
 
 
 @dataclass(frozen=True)
-class Frames:
+class Frames(Cases):
     """Frames in the middles of N boxes |t_k − t0_k| ≤ h_k of a chart.
 
     D' = Σ τ_k G_k + Σ w_m H_m with τ_k = (t_k − t0_k)/h_k, so |τ_k| ≤ 1 in the box, and

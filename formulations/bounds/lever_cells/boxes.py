@@ -7,8 +7,7 @@ the box may have several z; the bounds hold for all of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from lockedjoint.formulations.bounds.lever_cells.corners import (
     HALF,
     BoolArray,
     IntArray,
-    Which,
     greatest_length,
     greatest_square,
 )
@@ -63,10 +61,6 @@ class Boxes(Frames):
     op: FloatArray
     size: FloatArray
     ok: BoolArray
-
-    def take(self, which: Which) -> Self:
-        """Return some of the boxes."""
-        return type(self)(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def boxes(

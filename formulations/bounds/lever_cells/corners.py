@@ -44,6 +44,10 @@ MIXED = np.flatnonzero(FIRST != SECOND)
 TWICE: FloatArray = np.where(FIRST == SECOND, 1.0, 2.0)
 #: Products 2 τ_kτ_l, k < l, at half of the corners, 32×15.
 PRODUCTS: FloatArray = 2.0 * HALF[:, UPPER_K] * HALF[:, UPPER_L]
+#: Factor above the rounding of the closed form of a norm.
+_UP = 1 + 1e-7
+#: Addition to the square of a scale, which may be 0; its third power must not be.
+_LEAST_SQUARE = 1e-60
 #: Products 1, τ_k and τ_kτ_l, k < l, at all corners, 22×64.
 MONOMIALS: FloatArray = np.vstack(
     [np.ones((1, 64)), CORNERS.T, (CORNERS[:, UPPER_K] * CORNERS[:, UPPER_L]).T]
@@ -66,16 +70,20 @@ def high(matrices: FloatArray) -> FloatArray:
 
 
 def high3(matrices: FloatArray) -> FloatArray:
-    """Return the norms of matrices (…,3,b), from the eigenvalues of 3×3 ones in closed form."""
+    """Return upper bounds of the norms of matrices (…,3,b), in closed form, hardly too large.
+
+    They come from the eigenvalues of 3×3 matrices. Where two of these agree, the closed form
+    has only half of the digits, so that it is rounded up by more than that.
+    """
     A = matrices @ swap(matrices)
     mean = (A[..., 0, 0] + A[..., 1, 1] + A[..., 2, 2]) / 3
     x, y, z = A[..., 0, 0] - mean, A[..., 1, 1] - mean, A[..., 2, 2] - mean
     a, b, c = A[..., 0, 1], A[..., 0, 2], A[..., 1, 2]
     squares = x * x + y * y + z * z + 2 * (a * a + b * b + c * c)
-    scale = np.sqrt(squares / 6 + 1e-300)
+    scale = np.sqrt(squares / 6 + _LEAST_SQUARE)
     determinant = x * y * z + 2 * a * b * c - x * c * c - y * b * b - z * a * a
     angle = np.arccos(np.clip(determinant / (2 * scale**3), -1.0, 1.0)) / 3
-    return np.asarray(np.sqrt(np.maximum(mean + 2 * scale * np.cos(angle), 0.0)))
+    return np.asarray(_UP * np.sqrt(np.maximum(mean + 2 * scale * np.cos(angle), 0.0)))
 
 
 def inverse3(A: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ import numpy as np
 from lockedjoint.formulations.bounds.lever_cells.cases import Cases
 from lockedjoint.formulations.bounds.lever_cells.corners import BoolArray
 from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.errors import InputError
 
 #: Number of equations.
 EQUATION_COUNT = 37
@@ -125,7 +126,15 @@ class Multipliers(Cases):
 
 
 def ends(limit: float) -> tuple[float, float]:
-    """Return √ν and √(1 − 6ν), between which all n_i are if no lever arm is above the limit."""
+    """Return √ν and √(1 − 6ν), between which all n_i are if no lever arm is above the limit.
+
+    Raises
+    ------
+    InputError
+        If the limit is not from 0 to below 1/3: then ν is not between 0 and 1/7.
+    """
+    if not 0 <= limit < 1 / 3:
+        raise InputError("limit of lever arms", limit, "a number from 0 to below 1/3")
     nu = (1 - 3 * limit) / 7
     return float(np.sqrt(nu)), float(np.sqrt(1 - 6 * nu))
 

@@ -41,8 +41,6 @@ CLOSEST = 0.98
 DEFECT = 3e-11
 #: Factor above rounding in a greatest singular value.
 UP = 1 + 1e-12
-#: The same in `corners.high3`: where two singular values agree it has half of the digits.
-CLOSED_UP = 1 + 1e-7
 _DIAGONAL = np.arange(6)
 
 
@@ -149,7 +147,7 @@ def normal_part(
     ‖K0‖‖D'‖ may be as large as `CLOSEST`, they are infinite or nan.
     """
     tangent = greatest_length(c.G)
-    edges = greatest(np.ascontiguousarray(c.G.reshape(-1, 6, 3, 4))) * CLOSED_UP
+    edges = greatest(np.ascontiguousarray(c.G.reshape(-1, 6, 3, 4)))
     hw = np.minimum(norm(c.H), 1.0)  # ‖ρ0‖, ‖σ0‖ ≤ 1
     # Σ w_m H_m has the part C Hᵀ w along C, and one that adds to Σ τ_k G_k
     aside, along = norm(c.H - swap(c.normal) @ c.C), norm(c.normal)

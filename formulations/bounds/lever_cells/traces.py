@@ -27,7 +27,6 @@ from lockedjoint.formulations.bounds.lever_cells.corners import (
     high3,
     swap,
 )
-from lockedjoint.formulations.bounds.lever_cells.normal_part import CLOSED_UP
 from lockedjoint.nlp.arrays import FloatArray
 
 _DIAGONAL = np.arange(6)
@@ -100,7 +99,7 @@ def _beyond(
     2 Y12·tail, and the rest that the module states.
     """
     size12 = np.sqrt(np.einsum("nij,nij->n", Y12, Y12))
-    norms = high3(Y11) * CLOSED_UP + high(Y22)
+    norms = high3(Y11) + high(Y22)
     slope = greatest_length(V.reshape(-1, 6, 12)) + norms * c.hw * c.rw
     return np.asarray(
         2 * size12 * c.tail

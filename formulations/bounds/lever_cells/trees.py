@@ -38,9 +38,11 @@ LARGEST_HALF = 0.3
 LARGEST_EDGE = 0.1
 #: Bound of the errors of a cell, for multipliers of the usual size, above which the same holds.
 LARGEST_ERROR = 0.08
-#: Norms of the parts of multipliers of the usual size: of H, of H T₀, of C H T₀, of C H Cᵀ.
+#: Norm of the form H of multipliers of the usual size; see `forms.Forms`.
 USUAL_H = 0.13
+#: Norm of their C H T₀.
 USUAL_CHT = 0.07
+#: Norm of their C H Cᵀ.
 USUAL_CHC = 0.08
 #: Share of the longest edge below which an edge is not cut.
 SHORT = 0.35

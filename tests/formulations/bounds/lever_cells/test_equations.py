@@ -13,6 +13,7 @@ from lockedjoint.formulations.bounds.lever_cells.equations import (
     ends,
     polynomial,
 )
+from lockedjoint.nlp.errors import InputError
 
 
 def orthogonal(rng, determinant):
@@ -92,3 +93,9 @@ def test_multipliers_of_inequalities_are_not_negative(place, value, admissible):
     rows = np.zeros((2, MULTIPLIER_COUNT))
     rows[1, place] = value
     assert Multipliers.unpacked(rows).admissible().tolist() == [True, admissible]
+
+
+@pytest.mark.parametrize("limit", [-1e-9, 1 / 3, 0.5, np.nan, np.inf])
+def test_limits_without_any_n_are_refused(limit):
+    with pytest.raises(InputError, match=r"limit of lever arms.*from 0 to below 1/3"):
+        ends(limit)
