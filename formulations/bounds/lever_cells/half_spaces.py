@@ -1,9 +1,9 @@
 """Half spaces that exclude boxes: frames there are nearer to another centre than to the box's.
 
-The nearness of a frame P to a centre P_i is tr P P_i + g_i, with a weight g_i; the columns of a
-centre may be taken in any order. If for weights λ_i ≥ 0, which are not all 0, and any μ
+The nearness of a frame P to a centre P_i is tr P P_i; P_i is any image of a centre. If for
+weights λ_i ≥ 0, which are not all 0, and any μ
 
-    Σ λ_i (tr P P_i + g_i − tr P P_c − g_c) + μ (tr P P_c − level) > 0
+    Σ λ_i (tr P P_i − tr P P_c) + μ (tr P P_c − level) > 0
 
 for all tight frames P of a box, then in this box no frame with tr P P_c = level (with μ = 0: no
 frame at all) is as near to the centre c as to all of the P_i. Weights come from linear programs
@@ -87,8 +87,8 @@ def nearer(
     """
     about = picture(c, share)
     best = _highest(about, half_spaces, chosen)
-    X, d = upper(half_spaces.X[best]), half_spaces.d[best]
-    value = 2 * np.einsum("nij,nj->ni", X, about.point) + d
+    X = upper(half_spaces.X[best])
+    value = 2 * np.einsum("nij,nj->ni", X, about.point)
     slopes = 2 * X @ swap(about.along)
     own = upper(centre)
     if level is None:
@@ -98,14 +98,13 @@ def nearer(
     lam, mu, estimate = combinations(value, slopes, free, free_slope)
     triangles = (lam[:, None, :] @ X)[:, 0] + mu[:, None] * own
     combined = _symmetric(triangles, mu[:, None] * centre.diagonal())
-    bound = trace_range(c, combined)[0] + (lam * d).sum(1) - mu * (level or 0.0)
+    bound = trace_range(c, combined)[0] - mu * (level or 0.0)
     return bound, estimate
 
 
 def _highest(about: Pictures, half_spaces: HalfSpaces, chosen: int) -> IntArray:
     """Return the numbers of the half spaces that are highest in the points, in order, (N,n)."""
-    X, d = half_spaces.rough
-    value = about.point.astype(np.float32) @ X + d
+    value = about.point.astype(np.float32) @ half_spaces.rough
     n = min(chosen, value.shape[1])
     best = np.argpartition(value, -n, axis=1)[:, -n:]
     best.sort(1)

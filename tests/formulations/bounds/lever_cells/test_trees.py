@@ -7,7 +7,7 @@ import pytest
 
 from lockedjoint.formulations.bounds.lever_cells.charts import tight_chart
 from lockedjoint.formulations.bounds.lever_cells.trees import End, Nodes, census
-from results.bounds.lever_cells import TRACELESS, random_frame
+from results.bounds.lever_centres import TRACELESS, random_frame
 from tests.formulations.bounds.lever_cells.made_cells import arm, largest_lever_arm
 
 # Half side of the cubes: small enough for some hundred boxes.
