@@ -18,7 +18,7 @@ from lockedjoint.formulations.bounds.lever_cells.boxes import Boxes
 from lockedjoint.formulations.bounds.lever_cells.cells import Cells, no_null_vector
 from lockedjoint.formulations.bounds.lever_cells.centres import SIGNS
 from lockedjoint.formulations.bounds.lever_cells.certificates import excluded
-from lockedjoint.formulations.bounds.lever_cells.corners import BoolArray, IntArray, swap
+from lockedjoint.formulations.bounds.lever_cells.corners import BoolArray, IntArray
 from lockedjoint.formulations.bounds.lever_cells.equations import (
     MULTIPLIER_COUNT,
     Multipliers,
@@ -118,7 +118,8 @@ def _signed(limit: float, nodes: Nodes, c: Boxes, tally: Tally) -> Nodes:
     if not len(nodes):
         return nodes
     s = SIGNS[nodes.signs][:, None]
-    cells = Cells.of_boxes(replace(c, W=c.W * s, F=c.F * s, U=c.U * swap(s)))
+    # products w_i f_iᵀ do not change with the signs of columns, nor does their U
+    cells = Cells.of_boxes(replace(c, W=c.W * s, F=c.F * s))
     empty = no_null_vector(cells, limit, MARGIN)
     tally.ends[End.NO_NULL_VECTOR] += int(empty.sum())
     nodes, c, cells = nodes.take(~empty), c.take(~empty), cells.take(~empty)
