@@ -29,11 +29,17 @@ from lockedjoint.formulations.atlas.entry import RESOLUTION, Entry, EntryPage
 from lockedjoint.formulations.atlas.proved_closed_forms import closed_form_proves
 from lockedjoint.formulations.bounds.certified import (
     FIVE_LEVERS,
+    LEVER_CELLS,
     Bound,
     planar_on_record,
     two_point_on_record,
 )
 from lockedjoint.formulations.bounds.five_levers import has_five_levers, proves_five_levers
+from lockedjoint.formulations.bounds.lever_certificate import (
+    JOINTS,
+    LeverCertificate,
+    verify_levers,
+)
 from lockedjoint.formulations.bounds.moments.certificate import BoundCertificate
 from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
 from lockedjoint.formulations.bounds.moments.verification import verify_bound
@@ -66,8 +72,10 @@ _MOST_NODES = 10_000
 _RESIDUAL = "residual_tight.json"
 # Name of the certificate of the worst case.
 _MAX_MIN = "max_min_null_vector.json"
-# Name of the certificate of isotropic lever arms.
+# Name of the certificate of isotropic lever arms without the phase.
 _ISOTROPY = "isotropy_turned.json"
+# Name of the certificate of isotropic lever arms by branch and bound.
+_LEVERS = "isotropic_levers.json"
 # What each certificate bounds.
 _QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min", _ISOTROPY: "isotropy"}
 
@@ -96,12 +104,13 @@ class BoundProver:
         executor: Executor | None = None,
         progress: Callable[[str], None] = lambda _: None,
     ) -> None:
-        if not all((certificates / name).is_file() for name in _QUANTITIES):
-            names = ", ".join(_QUANTITIES)
+        if not all((certificates / name).is_file() for name in (*_QUANTITIES, _LEVERS)):
+            names = ", ".join((*_QUANTITIES, _LEVERS))
             allowed = f"a folder with {names}, as results/bounds/certificates in a clone"
             raise FileError("--certificates", str(certificates), allowed)
         self._certificates, self._executor, self._progress = certificates, executor, progress
         self._verified: dict[str, BoundCertificate] = {}
+        self._levers: LeverCertificate | None = None
 
     def prove(self, page: EntryPage, bound: Bound) -> None:
         """Prove a bound of the entry of a page, or raise CertificateError.
@@ -128,6 +137,8 @@ class BoundProver:
             return _relaxation_proves(asked, square)
         if "two-point" in bound.kind:
             return self._two_point_proves(asked, square)
+        if bound.kind == LEVER_CELLS:
+            return isotropic and bound.value >= self._stated_levers(asked.joints)
         if bound.kind == FIVE_LEVERS:
             return isotropic and has_five_levers(asked.arm) and proves_five_levers(square)
         if "branch and bound" in bound.kind:
@@ -180,6 +191,21 @@ class BoundProver:
         if found.joints != joints:
             raise CertificateError(f"{name} is for {found.joints} joints.")
         return found.bound
+
+    def _stated_levers(self, joints: int) -> float:
+        """Return the bound of the certificate by branch and bound, after its verification.
+
+        CertificateError if it is not valid, or for another number of joints than 7.
+        """
+        if self._levers is None:
+            read = read_any(self._certificates / _LEVERS)
+            if not isinstance(read, LeverCertificate):
+                raise CertificateError(f"{_LEVERS} is not one of isotropic lever arms.")
+            verify_levers(read, executor=self._executor, progress=self._progress)
+            self._levers = read
+        if joints != JOINTS:
+            raise CertificateError(f"{_LEVERS} is for {JOINTS} joints.")
+        return self._levers.bound
 
 
 @cache

@@ -15,8 +15,8 @@ package carries; the commands that compute them again are in results/bounds. Eac
 How to read it: `least_residual`, `largest_worst_case`, `largest_weighted_worst_case` and
 `largest_isotropic_worst_case` take the best of all bounds that apply. Each private function
 returns one `Bound`, or None where it does not apply. Files of JSON beside this one hold what
-was proved by long computations: record.json and best_known.json (moments), planar.json (branch
-and bound), two_point.json.
+was proved by long computations: record.json and best_known.json (moments), planar.json and
+isotropic_levers.json (branch and bound), two_point.json.
 """
 
 from __future__ import annotations
@@ -119,6 +119,8 @@ class Bound:
 
 # A lower bound on the residual below this is not above the rounding in its proof.
 _NOTHING = 1e-9
+#: The kind of the bound on isotropic arms of seven revolute joints by branch and bound.
+LEVER_CELLS = "proved (branch and bound, axes)"
 #: The kind of the bound on isotropic arms of five revolute and two prismatic joints.
 FIVE_LEVERS = "proved (branch and bound, lever arms)"
 #: The answer where it is proved that nothing satisfies the formulation.
@@ -402,9 +404,13 @@ def _isotropic_levers_on_record(arm: Arm) -> Bound | None:
     """Return what is on record for isotropic revolute joints with any lever arms, or None."""
     joints = len(arm.joints)
     known = _stored("record.json", quantity="isotropy", joints=joints)
+    cells = _stored("isotropic_levers.json", joints=joints)
     if not known or _revolute(arm) != joints:
         return None
-    return Bound(known[0]["bound"], f"proved ({known[0]['preset']})")
+    return least(
+        Bound(known[0]["bound"], f"proved ({known[0]['preset']})"),
+        *(Bound(one["bound"], LEVER_CELLS) for one in cells),
+    )
 
 
 def has_no_isotropic(arm: Arm) -> bool:

@@ -9,6 +9,7 @@ Docstrings of commands are help texts: `options` makes the options from them, in
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -98,9 +99,10 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     columns, in exact arithmetic. For a bound of `lockedjoint bound residual`, `max-min` or
     `isotropy` it evaluates the sums with all rounding errors bounded, in minutes. It shares no
     code with what derives or solves. Only for a bound it shares the definitions: Wigner
-    functions, rows and conditions. Cubes of `prove-workspace` are proved again from their file
-    alone, by the same test. Exit status 0 if the proof holds, 1 if it does not, 2 if the file
-    is unreadable.
+    functions, rows and conditions. The bound on isotropic lever arms is proved by branch and
+    bound from the centres in its file, in hours of processor time. Cubes of `prove-workspace`
+    are proved again from their file alone, by the same test. Exit status 0 if the proof holds,
+    1 if it does not, 2 if the file is unreadable.
 
     Parameters
     ----------
@@ -108,6 +110,7 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
         A certificate in JSON, or cubes in NPZ; by default the certificate of nonexistence in
         the package.
     """
+    from lockedjoint.formulations.bounds.lever_certificate import LeverCertificate
     from lockedjoint.formulations.bounds.moments.certificate_reader import read_any
     from lockedjoint.formulations.existence.certificate import Certificate
     from lockedjoint.formulations.existence.exact_jacobian import ExactJacobian
@@ -119,6 +122,8 @@ def verify(data: Annotated[Path | None, ARGUMENT] = None) -> Answer:
     if isinstance(certificate, Certificate):
         values = _nonexistence(certificate)
         return Answer(values, as_text({"verdict": values["verdict"], **_MEANING, **values}))
+    if isinstance(certificate, LeverCertificate):
+        return Answer(_levers(certificate))
     exact = isinstance(certificate, ExactJacobian)
     return Answer(_existence(certificate) if exact else _bound(certificate))
 
@@ -170,6 +175,20 @@ def _existence(certificate: Any) -> dict[str, Any]:
         "six_joint_arms": certificate.six_joint_arms,
         "square_roots": len(certificate.roots),
         "equations": equations,
+    }
+
+
+def _levers(certificate: Any) -> dict[str, Any]:
+    """Prove the bound on isotropic lever arms; return what was checked, by name."""
+    from lockedjoint.formulations.bounds.lever_certificate import verify_levers
+    from lockedjoint.nlp.executors import LocalExecutor, default_workers
+
+    with LocalExecutor(default_workers()) as executor:
+        report = verify_levers(certificate, executor=executor, progress=progress)
+    statement = f"worst case after one locked joint σ ≤ {report.claimed}"
+    return {
+        "verdict": f"proved: {statement} for every isotropic revolute 7R Jacobian",
+        **asdict(report),
     }
 
 

@@ -20,6 +20,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from lockedjoint.formulations.bounds.lever_certificate import QUANTITY, LeverCertificate
 from lockedjoint.formulations.bounds.moments.certificate import (
     ADDED,
     FIELDS,
@@ -106,6 +107,8 @@ def read_any(path: Path | str) -> Any:
     FileError if it cannot be read, CertificateError if it is ill-formed.
     """
     value = loaded(path, FILE_BYTES)
+    if isinstance(value, dict) and value.get("quantity") == QUANTITY:
+        return LeverCertificate.read(Part(value))
     if isinstance(value, dict) and "quantity" in value:
         return _certificate(Part(value))
     return read_certificate(path)
