@@ -19,8 +19,10 @@ from lockedjoint.formulations.bounds.lever_cells.corners import (
     IntArray,
     greatest_length,
     greatest_square,
+    swap,
 )
 from lockedjoint.formulations.bounds.lever_cells.normal_part import (
+    UP,
     normal_part,
     second_order,
 )
@@ -28,10 +30,17 @@ from lockedjoint.nlp.arrays import FloatArray
 
 #: Addition to T², as roots of small differences lose digits; also for the residual of a centre.
 SLACK = 1e-12
-#: Least singular value for which directions C are orthonormal up to rounding.
-LEAST_VALUE = 1e-3
-#: Greatest ‖Q‖, and so size of multipliers of the equations, for which rounding is small.
-GREATEST_INVERSE = 1e5
+#: Least singular value of the equations; in trees of seven vectors it was 0.22 or more.
+LEAST_VALUE = 0.1
+#: Greatest ‖Q‖; it was at most 9.
+GREATEST_INVERSE = 30.0
+#: Greatest |K0|; it was at most 0.4.
+GREATEST_MIDDLE = 1.0
+#: Greatest |G|, all edges of a box together; it was at most 0.7.
+GREATEST_EDGES = 2.0
+#: Greatest deviation, in a Frobenius norm, of what should be orthonormal, inverse or tangent;
+#: it was at most 7e-15.
+DEVIATION = 1e-13
 
 
 @dataclass(frozen=True)
@@ -47,7 +56,7 @@ class Boxes(Frames):
     hw : greatest |Σ w_m H_m| over |w|.
     second, tail : greatest |K − D'| and |K − D' + D'K0ᵀD'|.
     op, size : greatest ‖K‖ and |K|.
-    ok : whether the middle was found and the bounds are finite, (N,).
+    ok : whether the middle was found, the bounds are finite and rounding is small, (N,).
     """
 
     w2: FloatArray
@@ -89,15 +98,43 @@ def boxes(
     with np.errstate(all="ignore"):
         greatest_z = _greatest_z(chart, t, h)
         rw = np.minimum(
-            near + _length(z0 - z) + greatest_length(tilt - c.slope),
-            greatest_z + _farthest(z0, c.slope),
+            UP * (near + _length(z0 - z) + greatest_length(tilt - c.slope)) + SLACK,
+            UP * (greatest_z + _farthest(z0, c.slope)) + SLACK,
         )
         # |D'| ≤ |D|, and B and C are orthonormal
-        length = np.sqrt((h * h).sum(1) + (greatest_z + _length(z0)) ** 2)
+        length = UP * np.sqrt((h * h).sum(1) + (greatest_z + _length(z0)) ** 2)
         part = normal_part(c, order, rw, length)
     ok = found & np.isfinite(part.w_off) & np.isfinite(part.size)
-    ok &= (c.sg[:, 0] > LEAST_VALUE) & (order.q_norm < GREATEST_INVERSE)
+    ok &= (order.q_norm < GREATEST_INVERSE) & _sound(c)
     return Boxes(**vars(c), w2=order.w2, w_middle=order.w_middle, **vars(part), ok=ok)
+
+
+def _sound(c: Frames) -> BoolArray:
+    """Whether frames are of moderate size, and what was computed of them is what it should be.
+
+    The bounds of rounding errors rest on this alone: the directions of an eigenvector basis are
+    of no importance, that it is orthonormal and fulfils the equations is tested here.
+    """
+    N = len(c.W)
+    both = np.concatenate([c.W, c.F], 1)
+    A = (swap(c.W)[:, :, :, None] * swap(c.F)[:, :, None, :]).reshape(N, 7, 12)
+    sound = (c.sg[:, 0] > LEAST_VALUE) & (frobenius(c.K0) < GREATEST_MIDDLE)
+    sound &= frobenius(c.G) < GREATEST_EDGES
+    for deviation in (
+        both @ swap(both) - np.eye(7),
+        c.C @ swap(c.C) - np.eye(6),
+        swap(c.U) @ c.U - np.eye(6),
+        (c.U * c.sg[:, None]) @ c.C - A,
+        c.Ninv @ c.normal - np.eye(6),
+        c.C @ swap(c.G),
+    ):
+        sound &= frobenius(deviation) < DEVIATION
+    return sound
+
+
+def frobenius(matrices: FloatArray) -> FloatArray:
+    """Return the Frobenius norms of matrices (N,a,b)."""
+    return np.asarray(np.sqrt(np.einsum("nij,nij->n", matrices, matrices)))
 
 
 def _greatest_z(chart: Chart, t: FloatArray, h: FloatArray) -> FloatArray:
@@ -149,7 +186,7 @@ def children(
     rest = w2.copy()
     rest[rows, axis] *= 0.5
     rest[rows, :, axis] *= 0.5
-    near = np.where(ok, greatest_square(rest) + c.w3[which], np.inf)
+    near = np.where(ok, UP * (greatest_square(rest) + c.w3[which]) + SLACK, np.inf)
     halves = []
     for sign in (-1, 1):
         z = z0 + sign * 0.5 * slope[rows, axis] + 0.25 * own

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.lever_cells.boxes import Boxes
+from lockedjoint.formulations.bounds.lever_cells.boxes import DEVIATION, Boxes, frobenius
 from lockedjoint.formulations.bounds.lever_cells.cases import Cases
 from lockedjoint.formulations.bounds.lever_cells.corners import (
     FIRST,
@@ -93,6 +93,12 @@ class Cells(Cases):
         mixed = 2 * greatest(np.ascontiguousarray(G)) * normal + normal**2
         off3 = boxes.hw * boxes.w3 + boxes.k0 * mixed + boxes.tail
         K2 = _second_order(boxes, G)
+        both = np.concatenate([B, boxes.C], 1)
+        deviations = (
+            frobenius(both @ swap(both) - np.eye(12)),
+            frobenius(swap(edges) @ B - boxes.G),
+        )
+        sound = np.max(deviations, axis=0) < 2 * DEVIATION
         return cls(
             W=boxes.W,
             F=boxes.F,
@@ -107,7 +113,7 @@ class Cells(Cases):
             off3=off3,
             kappa_B=trilinear_size(kappa[:, :, :, :6]),
             kappa_C=trilinear_size(kappa[:, :, :, 6:]),
-            ok=boxes.ok & np.isfinite(off3),
+            ok=boxes.ok & sound & np.isfinite(off3),
         )
 
     def edges(self) -> FloatArray:

@@ -24,7 +24,7 @@ STEPS = 14
 #: Residual ½ max | |w_i|² − 3/7 | below which a step has nothing left to gain.
 SETTLED = 1e-14
 #: Residual below which a frame counts as tight.
-RESIDUAL = 1e-11
+RESIDUAL = 1e-12
 #: Longest step of Newton's method in z.
 LONGEST_STEP = 0.2
 #: Addition to the normal equations of a step, which may be singular.

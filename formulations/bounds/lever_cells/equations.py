@@ -20,6 +20,9 @@ from lockedjoint.nlp.errors import InputError
 EQUATION_COUNT = 37
 #: Numbers of the multipliers of one cell: 37 + 16 + 21 + 7 + 7 + 1.
 MULTIPLIER_COUNT = 89
+#: Greatest length of the multipliers of a cell, so that rounding is small; those of programs
+#: were at most 0.5 long.
+GREATEST_LENGTH = 10.0
 #: First members of the 21 pairs i < j of columns.
 PAIR_I = np.triu_indices(7, 1)[0]
 #: Their second members.
@@ -118,11 +121,11 @@ class Multipliers(Cases):
         return cls(equations, shared, products, lower, upper, constant[:, 0])
 
     def admissible(self) -> BoolArray:
-        """Whether all numbers are finite and those of inequalities not negative, (N,)."""
+        """Whether no number is large, and those of inequalities are not negative, (N,)."""
         inequalities = np.concatenate([self.products, self.lower, self.upper], 1)
-        finite = np.isfinite(self.packed()).all(1)
-        with np.errstate(invalid="ignore"):
-            return np.asarray(finite & (inequalities >= 0).all(1))
+        with np.errstate(all="ignore"):
+            length = np.linalg.norm(self.packed(), axis=1)
+            return np.asarray((length < GREATEST_LENGTH) & (inequalities >= 0).all(1))
 
 
 def ends(limit: float) -> tuple[float, float]:

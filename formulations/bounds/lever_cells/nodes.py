@@ -83,7 +83,8 @@ class Nodes(Cases):
         cut = ((low > self.t - self.h) | (up < self.t + self.h)) & (up > low)
         t, h = np.where(cut, (low + up) / 2, self.t), np.where(cut, (up - low) / 2, self.h)
         z = self.z + (((t - self.t) / self.h)[:, None] @ self.tilt)[:, 0]
-        return replace(self, t=t, h=h, z=z, tilt=self.tilt * (h / self.h)[:, :, None])
+        tilt = self.tilt * (h / self.h)[:, :, None]
+        return replace(self, t=t, h=h, z=z, tilt=tilt, near=self.near + SLACK)
 
     def halves(self, c: Boxes | None, axis: IntArray) -> Nodes:
         """Return both halves of each box, cut along its axis.

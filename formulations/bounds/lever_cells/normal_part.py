@@ -37,9 +37,10 @@ from lockedjoint.nlp.arrays import FloatArray
 ROUNDS = 60
 #: Greatest ‖K0‖‖D'‖ for which K is bounded by D'.
 CLOSEST = 0.98
-#: Greatest defect of the seven equations in the middle: √7 `charts.RESIDUAL`, rounded up.
+#: Greatest defect of the seven equations in the middle. It is ten times √7 `charts.RESIDUAL`:
+#: the rest is for rounding, see section "Rounding" of results/bounds/lever_cells.md.
 DEFECT = 3e-11
-#: Factor above rounding in a greatest singular value.
+#: Factor above rounding in a greatest singular value, and in a sum of positive terms.
 UP = 1 + 1e-12
 _DIAGONAL = np.arange(6)
 
@@ -153,12 +154,12 @@ def normal_part(
     aside, along = norm(c.H - swap(c.normal) @ c.C), norm(c.normal)
     d = length
     for _ in range(ROUNDS):
-        length = np.minimum(length, np.sqrt((tangent + aside * rw) ** 2 + (along * rw) ** 2))
-        d = np.minimum(np.minimum(d, length), edges + hw * rw)
-        grow = np.where(c.k0 * d < CLOSEST, 1 / (1 - c.k0 * d), np.inf)
+        length = np.minimum(length, UP * np.hypot(tangent + aside * rw, along * rw))
+        d = np.minimum(np.minimum(d, length), UP * (edges + hw * rw))
+        grow = np.where(c.k0 * d < CLOSEST, UP / (1 - c.k0 * d), np.inf)
         op, size = d * grow, length * grow
         second, tail = c.k0 * d * length * grow, c.k0**2 * d * d * length * grow
-        w3 = (
+        w3 = UP * (
             order.cross * rw
             + order.square * rw**2
             + (order.turn_tau + order.turn_w * rw) * second
@@ -167,9 +168,9 @@ def normal_part(
             + 0.5 * order.q_norm * op**3 * size
             + order.q_norm * DEFECT
         )
-        rw = np.minimum(rw, order.w2_size + w3)
-    w_off = np.minimum(order.w2_off + w3, rw + np.sqrt((order.w_middle**2).sum(1)))
-    w3 = np.minimum(w3, rw + order.w2_size)
+        rw = np.minimum(rw, UP * (order.w2_size + w3))
+    w_off = UP * np.minimum(order.w2_off + w3, rw + np.sqrt((order.w_middle**2).sum(1)))
+    w3 = np.minimum(w3, UP * (rw + order.w2_size))
     return NormalPart(rw, w3, w_off, hw, second, tail, op, size)
 
 

@@ -15,6 +15,8 @@ from lockedjoint.nlp.arrays import FloatArray
 
 #: Bounds ‖N‖ from which on (I + N)⁻¹ is not used.
 _MOST = 0.9
+#: Addition to the right side of the equation of Z₃, for the deviations that `boxes` allows.
+ROUNDING = 1e-10
 #: |ρ⁻¹V'σ⁻¹ − V' − ½(KKᵀV' + V'KᵀK)| ≤ this ‖K‖⁴|V'|. With D = ρ⁻¹ and E = σ⁻¹ it is
 #: |½D²V' − DV'E + ½V'E²|, the same for D − m and E − m; these have norms ≤ ‖K‖²/4 for the m in
 #: the middle of their eigenvalues, which makes ⅛ ‖K‖⁴|V'|, so that ½ is more than enough.
@@ -76,7 +78,7 @@ def remainders(
         # N − N₁ − N₂ = κ(K₃, C) + D2(K, K; C) − D2(K₁, K₁; C)
         later = n2 + cells.kappa_C * off3 + cross
         n = n1 + later
-        right = cells.kappa_B * off3 + cross + later * z1 + n * z2
+        right = cells.kappa_B * off3 + cross + later * z1 + n * z2 + ROUNDING
         z3 = np.where(n < _MOST, right / (1 - n), np.inf)
         z = z1 + z2 + z3
         return Remainders(
@@ -87,7 +89,7 @@ def remainders(
             z2=z2,
             n1=n1,
             z3=z3,
-            rest3=cross + later * (z1 + z2) + n * z3,
+            rest3=cross + later * (z1 + z2) + n * z3 + ROUNDING,
             s3=cross + square * z + ROOTS_REST * square**2 * (1 + z),
             theta=1 / ((1 + square) ** 2 * (1 + z**2)),
         )

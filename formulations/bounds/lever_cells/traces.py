@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.lever_cells.boxes import Boxes
+from lockedjoint.formulations.bounds.lever_cells.boxes import Boxes, frobenius
 from lockedjoint.formulations.bounds.lever_cells.charts import COLUMN2
 from lockedjoint.formulations.bounds.lever_cells.corners import (
     HALF,
     PRODUCTS,
     UPPER_K,
     UPPER_L,
+    BoolArray,
     greatest_length,
     high,
     high3,
@@ -29,6 +30,8 @@ from lockedjoint.formulations.bounds.lever_cells.corners import (
 )
 from lockedjoint.nlp.arrays import FloatArray
 
+#: Greatest |X| + |η|, so that rounding is small; it was at most 13.
+GREATEST_MATRIX = 100.0
 _DIAGONAL = np.arange(6)
 
 
@@ -46,11 +49,11 @@ def trace_range(c: Boxes, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatA
 
     Returns
     -------
-    The lower and upper bounds, infinite where the box is not `ok`, and how much of each is due
-    to what is not computed but bounded by norms; (N,) each.
+    The lower and upper bounds, infinite where the box is not `ok` or X too large, and how much
+    of each is due to what is not computed but bounded by norms; (N,) each.
     """
     N = len(X)
-    middle, Y11, Y12, Y22 = _in_own_basis(c, X)
+    middle, Y11, Y12, Y22, sound = _in_own_basis(c, X)
     GH = np.concatenate([c.G, c.H], 1).reshape(N, 12, 3, 4)
     V = GH @ Y22[:, None] - Y11[:, None] @ GH
     # K = D' − D'K0ᵀD' + …: the second term in 2 K·Y12
@@ -64,19 +67,23 @@ def trace_range(c: Boxes, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatA
     normal = np.linalg.eigvalsh(form[:, 6:, 6:])
     with np.errstate(all="ignore"):
         rest = greatest_length(cross) * c.w_off + _beyond(c, V[:, :6], Y11, Y12, Y22)
+        # the first order in w, which is 0 but for rounding
+        rest += 2 * np.sqrt(((c.H @ Y12.reshape(N, 12, 1))[..., 0] ** 2).sum(1)) * c.rw
         below = middle + (even - odd).min(1) + np.minimum(squares, 0).sum(1) - rest
         above = middle + (even + odd).max(1) + np.maximum(squares, 0).sum(1) + rest
         below += np.minimum(normal[:, 0], 0) * c.rw**2
         above += np.maximum(normal[:, -1], 0) * c.rw**2
-    return np.where(c.ok, below, -np.inf), np.where(c.ok, above, np.inf), rest
+    ok = c.ok & sound
+    return np.where(ok, below, -np.inf), np.where(ok, above, np.inf), rest
 
 
 def _in_own_basis(
     c: Boxes, X: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
     """Return the value in the middle (N,), and Y11, Y12, Y22 less a multiple of I.
 
-    The multiple changes the trace by a constant: it makes norms smaller.
+    The multiple changes the trace by a constant: it makes norms smaller. Last is whether X and
+    η are not too large, (N,).
     """
     Y12 = c.W @ X @ swap(c.F)
     # H·(Y12 + W diag(η) Fᵀ) = 0, where W diag(η) Fᵀ = Cᵀ diag(sg) Uᵀ η
@@ -87,7 +94,9 @@ def _in_own_basis(
     Y11, Y22 = (c.W @ X + W_eta) @ swap(c.W), (c.F @ X + F_eta) @ swap(c.F)
     trace3, trace4 = np.trace(Y11, axis1=1, axis2=2), np.trace(Y22, axis1=1, axis2=2)
     shift = (trace3 / 6 + trace4 / 8)[:, None, None]
-    return trace3 - COLUMN2 * eta.sum(1), Y11 - shift * np.eye(3), Y12, Y22 - shift * np.eye(4)
+    middle = trace3 - COLUMN2 * eta.sum(1)
+    sound = frobenius(X) + np.sqrt((eta * eta).sum(1)) < GREATEST_MATRIX
+    return middle, Y11 - shift * np.eye(3), Y12, Y22 - shift * np.eye(4), sound
 
 
 def _beyond(
