@@ -113,13 +113,21 @@ def _divided(limit: float, nodes: Nodes, c: Boxes, tally: Tally) -> Nodes:
     return replace(nodes.take(which), signs=signs)
 
 
+def with_signs(c: Boxes, signs: FloatArray) -> Boxes:
+    """Return boxes of the same frames with other signs (N,7) of their columns.
+
+    K is the same, and so are w_iᵀ K f_i and all products of two parts of one column: only W and
+    F change.
+    """
+    s = signs[:, None]
+    return replace(c, W=c.W * s, F=c.F * s)
+
+
 def _signed(limit: float, nodes: Nodes, c: Boxes, tally: Tally) -> Nodes:
     """Return halves of the boxes, which have signs, that are not excluded."""
     if not len(nodes):
         return nodes
-    s = SIGNS[nodes.signs][:, None]
-    # products w_i f_iᵀ do not change with the signs of columns, nor does their U
-    cells = Cells.of_boxes(replace(c, W=c.W * s, F=c.F * s))
+    cells = Cells.of_boxes(with_signs(c, SIGNS[nodes.signs]))
     empty = no_null_vector(cells, limit, MARGIN)
     tally.ends[End.NO_NULL_VECTOR] += int(empty.sum())
     nodes, c, cells = nodes.take(~empty), c.take(~empty), cells.take(~empty)
