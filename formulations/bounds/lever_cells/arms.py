@@ -40,7 +40,7 @@ from lockedjoint.nlp.arrays import FloatArray
 DIVIDED_EDGE = 0.06
 #: Bound of the errors of a cell, for multipliers of the usual size, above which it is cut
 #: without a program for multipliers.
-LARGEST_ERROR = 0.02
+LARGEST_ERROR = 0.03
 #: How many times a box is cut, after a program that was in vain, before the next program.
 CUTS_BETWEEN_PROGRAMS = 2
 #: Norm of the form H of multipliers of the usual size; see `forms.Forms`.
