@@ -74,7 +74,7 @@ def down_region(region: Region, t, smallest, sphere=False):
 
 def down_arms(region: Region, t, n, limit, smallest):
     """The same for an arm with null vector n, in the tree for a limit of lever arms."""
-    signs = int(np.flatnonzero((centres.SIGNS == np.sign(n) * np.sign(n[0])).all(1))[0])
+    signs = int(np.flatnonzero((np.sign(n) * np.sign(n[0]) == centres.SIGNS).all(1))[0])
     nodes, tally = Nodes.cube(region.chart.greatest), Tally()
     while len(nodes) and nodes.h.max() >= smallest:
         nodes, c = region.remaining(nodes, tally, sphere=False)
