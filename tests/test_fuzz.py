@@ -12,6 +12,7 @@ SHORT = {
     "certificates": 100,
     "two-point certificates": 10,
     "relaxation certificates": 30,
+    "lever certificates": 10,
 }
 
 

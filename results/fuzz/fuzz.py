@@ -24,6 +24,7 @@ COUNTS = {
     "certificates": 1_200,
     "two-point certificates": 200,
     "relaxation certificates": 600,
+    "lever certificates": 200,
 }
 
 
@@ -56,6 +57,8 @@ def of_kind(kind: str, seed: int, count: int, folder: Path) -> Iterator[str]:
         return trials.two_point_certificates(seed, count)
     if kind == "relaxation certificates":
         return trials.relaxation_certificates(seed, count)
+    if kind == "lever certificates":
+        return trials.lever_certificates(seed, count)
     return trials.certificates(seed, count)
 
 

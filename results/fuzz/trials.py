@@ -28,12 +28,14 @@ import lockedjoint as lj
 from lockedjoint.__main__ import main
 from lockedjoint.commands.app import app
 from lockedjoint.formulations import measures, relaxation
+from lockedjoint.formulations.bounds.lever_certificate import LeverCertificate, verify_levers
 from lockedjoint.formulations.bounds.relaxation_proof import RelaxationProof
 from lockedjoint.formulations.bounds.relaxation_rounding import prove
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.campaign.campaign import declaration, run
 from lockedjoint.formulations.campaign.records import TIMES, open_store
 from lockedjoint.formulations.existence.certificate import CertificateError
+from lockedjoint.formulations.existence.reading import Part
 from lockedjoint.kinematics.read_urdf import urdf_tree, xml_root
 from lockedjoint.recovery.check_proof import check
 from lockedjoint.recovery.failures import Damage
@@ -66,6 +68,15 @@ _CUT_SHARE = 0.2
 # too much.
 _FACTORS = (0.0, -1.0, 0.5, 0.999, 0.999999, 1.000001, 1.001, 1.5, 3.0)
 _TOO_SHARP = 1e-9
+# The certificate of isotropic lever arms, and the limits of arms that are claimed too much, in
+# thousandths: above those of an arm that exists.
+_LEVERS = Path(__file__).parents[1] / "bounds/certificates/isotropic_levers.json"
+_FALSE_LIMITS = (111, 334)
+# What is added to a number of a frame.
+_SHIFTS = (-0.5, -1e-3, -1e-7, 1e-7, 1e-3, 0.5)
+# Radii of balls that are too small, and the largest number of centres that are too few.
+_SMALL_RADII = (0.1, 0.2)
+_FEW_CENTRES = 6
 # Arms of false certificates of the relaxation: its value is a maximum, so nothing proves more.
 _RELAXED = ("unit-revolute:7", "unit-revolute:5,prismatic:2", "rotor:8")
 # Values that are no right argument, or rarely one. None of them asks for much work.
@@ -350,6 +361,39 @@ def _sharper(proof: RelaxationProof, rng: np.random.Generator) -> RelaxationProo
     weight = sums[block].weight
     sums[block] = replace(sums[block], weight=weight * factor if weight else factor)
     return replace(sharper, sums=tuple(sums))
+
+
+def lever_certificates(seed: int, count: int) -> Iterator[str]:
+    """Claim what centres do not prove: too sharp a bound, or balls that do not hold all axes.
+
+    The certificate is that on record, with one thing changed at random: the bound, the limit,
+    a number of a frame, the radius, or the number of centres. Balls of radius 0.2 around the
+    centres, and those of six centres, leave out many frames.
+    """
+    rng = np.random.default_rng(seed)
+    text = _LEVERS.read_text("utf-8")
+    for _ in range(count):
+        content = json.loads(text)
+        kind = int(rng.integers(5))
+        if kind == 0:
+            content["bound"] *= 1 - _TOO_SHARP
+        elif kind == 1:
+            content["limit"] = str(Fraction(int(rng.integers(*_FALSE_LIMITS)), 1000))
+        elif kind == 2:
+            frame = content["frames"][int(rng.integers(len(content["frames"])))]
+            row, column = int(rng.integers(3)), int(rng.integers(7))
+            frame[row][column] += float(rng.choice(_SHIFTS))
+        elif kind == 3:
+            content["radius"] = float(rng.uniform(*_SMALL_RADII))
+        else:
+            rng.shuffle(content["frames"])
+            del content["frames"][int(rng.integers(1, _FEW_CENTRES + 1)) :]
+        yield _checked(partial(_levers, content))
+
+
+def _levers(content: dict[str, Any]) -> None:
+    """Verify a certificate of isotropic lever arms."""
+    verify_levers(LeverCertificate.read(Part(content)))
 
 
 def _checked(proof: Callable[[], object]) -> str:
