@@ -16,7 +16,7 @@ WIDER = 1e-9
 class Moved:
     """A frame whose columns have got the order and the signs of the centre nearest to it.
 
-    a : the number of the centre. W : the frame, (3,7). order, signs : column j of the old frame,
+    a : the number of the centre. W : the frame, (3,7). order, signs : column j of the old one,
     times its sign, is column order[j].
     """
 
