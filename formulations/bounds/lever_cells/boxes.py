@@ -12,7 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lockedjoint.formulations.bounds.lever_cells.box_frames import Frames, middle_frames
-from lockedjoint.formulations.bounds.lever_cells.charts import RESIDUAL, Chart, middles
+from lockedjoint.formulations.bounds.lever_cells.charts import (
+    DEVIATION,
+    RESIDUAL,
+    Chart,
+    frobenius,
+    middles,
+)
 from lockedjoint.formulations.bounds.lever_cells.corners import (
     HALF,
     BoolArray,
@@ -38,9 +44,8 @@ GREATEST_INVERSE = 30.0
 GREATEST_MIDDLE = 1.0
 #: Greatest |G|, all edges of a box together; it was at most 0.7.
 GREATEST_EDGES = 2.0
-#: Greatest deviation, in a Frobenius norm, of what should be orthonormal, inverse or tangent;
-#: it was at most 7e-15.
-DEVIATION = 1e-13
+#: Greatest bound of |K|, |D'| or |w| in a box; they were at most 0.9.
+GREATEST_SIZE = 2.0
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,7 @@ def boxes(
         length = UP * np.sqrt((h * h).sum(1) + (greatest_z + _length(z0)) ** 2)
         part = normal_part(c, order, rw, length)
     ok = found & np.isfinite(part.w_off) & np.isfinite(part.size)
+    ok &= (part.size < GREATEST_SIZE) & (part.rw < GREATEST_SIZE)
     ok &= (order.q_norm < GREATEST_INVERSE) & _sound(c)
     return Boxes(**vars(c), w2=order.w2, w_middle=order.w_middle, **vars(part), ok=ok)
 
@@ -130,11 +136,6 @@ def _sound(c: Frames) -> BoolArray:
     ):
         sound &= frobenius(deviation) < DEVIATION
     return sound
-
-
-def frobenius(matrices: FloatArray) -> FloatArray:
-    """Return the Frobenius norms of matrices (N,a,b)."""
-    return np.asarray(np.sqrt(np.einsum("nij,nij->n", matrices, matrices)))
 
 
 def _greatest_z(chart: Chart, t: FloatArray, h: FloatArray) -> FloatArray:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.lever_cells.boxes import DEVIATION, Boxes, frobenius
+from lockedjoint.formulations.bounds.lever_cells.boxes import Boxes
 from lockedjoint.formulations.bounds.lever_cells.cases import Cases
+from lockedjoint.formulations.bounds.lever_cells.charts import DEVIATION, frobenius
 from lockedjoint.formulations.bounds.lever_cells.corners import (
     FIRST,
     SECOND,
@@ -20,6 +21,7 @@ from lockedjoint.formulations.bounds.lever_cells.corners import (
     trilinear_size,
 )
 from lockedjoint.formulations.bounds.lever_cells.equations import ends
+from lockedjoint.formulations.bounds.lever_cells.normal_part import EDGE
 from lockedjoint.nlp.arrays import FloatArray
 
 #: Steps towards a plane between 0 and the cell's images of null vectors.
@@ -91,7 +93,7 @@ class Cells(Cases):
         kappa = _kappa(boxes, B)
         normal = boxes.hw * boxes.rw
         mixed = 2 * greatest(np.ascontiguousarray(G)) * normal + normal**2
-        off3 = boxes.hw * boxes.w3 + boxes.k0 * mixed + boxes.tail
+        off3 = boxes.hw * boxes.w3 + boxes.k0 * mixed + boxes.tail + EDGE
         K2 = _second_order(boxes, G)
         both = np.concatenate([B, boxes.C], 1)
         deviations = (
@@ -109,7 +111,7 @@ class Cells(Cases):
             kappa=kappa,
             g=edges,
             K2=np.concatenate([K2 @ swap(B), K2 @ swap(boxes.C)], 2),
-            off=normal + boxes.second,
+            off=normal + boxes.second + EDGE,
             off3=off3,
             kappa_B=trilinear_size(kappa[:, :, :, :6]),
             kappa_C=trilinear_size(kappa[:, :, :, 6:]),

@@ -26,6 +26,9 @@ from lockedjoint.nlp.arrays import FloatArray
 
 #: Cells whose corners are tested together: their matrices should stay in the cache.
 _TOGETHER = 32
+#: Least θ of a cell that can be excluded: then ‖K‖² < 0.42 and ‖Z‖ < 1, so that rounding is
+#: small. It was at least 0.91.
+LEAST_THETA = 0.5
 #: What is taken off an eigenvalue, so that rounding does not make the matrix indefinite.
 _ROUNDING = 1e-9
 
@@ -87,6 +90,7 @@ def excluded(
     middle = 6 * np.minimum(forms.middle, expansion.rest.theta * forms.middle)
     with np.errstate(all="ignore"):
         above = middle - 4 * error_Y - 2 * error_X > margin
+    above &= expansion.rest.theta > LEAST_THETA
     todo = np.flatnonzero(above & admissible & expansion.cells.ok)
     found = np.zeros(len(admissible), bool)
     for start in range(0, len(todo), _TOGETHER):

@@ -37,9 +37,11 @@ from lockedjoint.nlp.arrays import FloatArray
 ROUNDS = 60
 #: Greatest ‖K0‖‖D'‖ for which K is bounded by D'.
 CLOSEST = 0.98
-#: Greatest defect of the seven equations in the middle. It is ten times √7 `charts.RESIDUAL`:
-#: the rest is for rounding, see section "Rounding" of results/bounds/lever_cells.md.
-DEFECT = 3e-11
+#: Greatest defect of the seven equations in the middle: √7 `charts.RESIDUAL` makes 3e-12, the
+#: rest is for the deviations that `boxes` allows (results/bounds/lever_cells.md, "Rounding").
+DEFECT = 2e-10
+#: Addition to a length of D', for these deviations.
+EDGE = 1e-11
 #: Factor above rounding in a greatest singular value, and in a sum of positive terms.
 UP = 1 + 1e-12
 _DIAGONAL = np.arange(6)
@@ -154,8 +156,8 @@ def normal_part(
     aside, along = norm(c.H - swap(c.normal) @ c.C), norm(c.normal)
     d = length
     for _ in range(ROUNDS):
-        length = np.minimum(length, UP * np.hypot(tangent + aside * rw, along * rw))
-        d = np.minimum(np.minimum(d, length), UP * (edges + hw * rw))
+        length = np.minimum(length, UP * np.hypot(tangent + aside * rw, along * rw) + EDGE)
+        d = np.minimum(np.minimum(d, length), UP * (edges + hw * rw) + EDGE)
         grow = np.where(c.k0 * d < CLOSEST, UP / (1 - c.k0 * d), np.inf)
         op, size = d * grow, length * grow
         second, tail = c.k0 * d * length * grow, c.k0**2 * d * d * length * grow

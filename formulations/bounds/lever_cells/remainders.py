@@ -16,7 +16,7 @@ from lockedjoint.nlp.arrays import FloatArray
 #: Bounds ‖N‖ from which on (I + N)⁻¹ is not used.
 _MOST = 0.9
 #: Addition to the right side of the equation of Z₃, for the deviations that `boxes` allows.
-ROUNDING = 1e-10
+ROUNDING = 1e-9
 #: |ρ⁻¹V'σ⁻¹ − V' − ½(KKᵀV' + V'KᵀK)| ≤ this ‖K‖⁴|V'|. With D = ρ⁻¹ and E = σ⁻¹ it is
 #: |½D²V' − DV'E + ½V'E²|, the same for D − m and E − m; these have norms ≤ ‖K‖²/4 for the m in
 #: the middle of their eigenvalues, which makes ⅛ ‖K‖⁴|V'|, so that ½ is more than enough.

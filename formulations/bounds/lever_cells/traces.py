@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lockedjoint.formulations.bounds.lever_cells.boxes import Boxes, frobenius
-from lockedjoint.formulations.bounds.lever_cells.charts import COLUMN2
+from lockedjoint.formulations.bounds.lever_cells.boxes import Boxes
+from lockedjoint.formulations.bounds.lever_cells.charts import COLUMN2, frobenius
 from lockedjoint.formulations.bounds.lever_cells.corners import (
     HALF,
     PRODUCTS,

@@ -139,7 +139,7 @@ def test_what_is_known_beforehand_may_be_of_another_middle():
 def test_a_box_without_a_tight_frame_in_its_middle_is_not_ok():
     rng = np.random.default_rng(14)
     chart = random_chart(rng, 0.6)
-    t = rng.normal(size=(N, 6)) * 0.7
+    t = rng.normal(size=(N, 6)) * 0.35
     box = boxes(chart, t, np.full((N, 6), 1e-3), 0 * t, np.zeros((N, 6, 6)), np.full(N, np.inf))
     assert 0 < box.ok.sum() < N
     columns = (box.W**2).sum(1)
