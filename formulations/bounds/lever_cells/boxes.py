@@ -44,7 +44,7 @@ GREATEST_INVERSE = 30.0
 GREATEST_MIDDLE = 1.0
 #: Greatest |G|, all edges of a box together; it was at most 0.7.
 GREATEST_EDGES = 2.0
-#: Greatest bound of |K|, |D'| or |w| in a box; they were at most 0.9.
+#: Greatest |K| in a box by lengths alone, before anything is known of w.
 GREATEST_SIZE = 2.0
 
 
@@ -110,7 +110,7 @@ def boxes(
         length = UP * np.sqrt((h * h).sum(1) + (greatest_z + _length(z0)) ** 2)
         part = normal_part(c, order, rw, length)
     ok = found & np.isfinite(part.w_off) & np.isfinite(part.size)
-    ok &= (part.size < GREATEST_SIZE) & (part.rw < GREATEST_SIZE)
+    ok &= length < GREATEST_SIZE * (1 - c.k0 * length)
     ok &= (order.q_norm < GREATEST_INVERSE) & _sound(c)
     return Boxes(**vars(c), w2=order.w2, w_middle=order.w_middle, **vars(part), ok=ok)
 

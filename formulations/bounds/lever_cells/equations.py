@@ -22,7 +22,7 @@ EQUATION_COUNT = 37
 MULTIPLIER_COUNT = 89
 #: Greatest length of the multipliers of a cell, so that rounding is small; those of programs
 #: were at most 0.5 long.
-GREATEST_LENGTH = 10.0
+GREATEST_LENGTH = 2.0
 #: First members of the 21 pairs i < j of columns.
 PAIR_I = np.triu_indices(7, 1)[0]
 #: Their second members.
