@@ -3,40 +3,28 @@
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from scipy.spatial import KDTree
 
 from lockedjoint.formulations.bounds.lever_cells import charts
 from lockedjoint.formulations.bounds.lever_cells.boxes import boxes
-from lockedjoint.formulations.bounds.lever_cells.centres import Centres
+from lockedjoint.formulations.bounds.lever_cells.centres import REACH, SAME, Centres
 from lockedjoint.formulations.bounds.lever_cells.half_spaces import nearer
 from lockedjoint.formulations.bounds.lever_cells.weights import combinations
 from tests.formulations.bounds.lever_cells.tight_frames import (
     exact,
+    images,
     places,
     projections,
-    random_chart,
+    surrounded,
+    traces,
 )
 
 N = 150
-#: Radius of the centres, and how far from the first the others are, in t.
-RADIUS = 0.31
-FAR = 0.4
 
 
 @pytest.fixture(scope="module")
 def centres():
-    """A centre with others around it, of different weights."""
-    rng = np.random.default_rng(0)
-    first = random_chart(rng)
-    t = rng.normal(size=(60, 6))
-    t *= FAR / np.linalg.norm(t, axis=1)[:, None]
-    z, residual = charts.middles(first, t, np.zeros_like(t))
-    K = (t @ first.B + z @ first.C).reshape(-1, 3, 4)
-    made = Centres(RADIUS)
-    made.add(first.W, 0.004)
-    for W in (first.W + K @ first.F)[residual < charts.RESIDUAL]:
-        made.add(np.linalg.svd(W, full_matrices=False)[2], rng.uniform(-0.02, 0.02))
-    assert len(made.charts) > 50
-    return made
+    return surrounded(np.random.default_rng(0))
 
 
 @pytest.fixture(scope="module")
@@ -51,21 +39,42 @@ def around(centres):
     return t, h, boxes(chart, t, h, z, np.zeros((N, 6, 6)), np.full(N, 0.15))
 
 
-def test_pairs_are_the_nearest_of_all_orders(centres):
-    half = centres.near(0, 40)
-    more = centres.near(0, 4000)
-    assert len(half.d) == 40 < len(more.d)
-    P, other = centres.P[0], np.array(centres.P)[more.other]
-    for X, Q in zip(more.X, other, strict=True):
-        ordered = X + P
-        # some order of the columns of the other centre
-        assert np.allclose(np.sort(ordered, axis=None), np.sort(Q, axis=None))
-        assert np.allclose(ordered @ ordered, ordered)
-    weights = np.array(centres.weights)
-    assert np.allclose(more.d, weights[more.other] - weights[0])
-    nearness = (more.X * P).sum((1, 2)) + more.d
-    assert (np.diff(nearness) < 1e-5).all()
-    assert set(centres.near(0, 4000, known=5).other) <= set(range(5))
+def same(some, others):
+    """Whether each of the matrices is among the others, (N,) of truth values."""
+    trees = [KDTree(one.reshape(len(one), -1)) for one in (others, some)]
+    return trees[0].query(trees[1].data)[0] < 1e-9
+
+
+@pytest.mark.parametrize("a", [0, 1])
+def test_near_are_the_nearest_of_all_images(centres, a):
+    """By all 5040 orders and 64 signs of both centres, in double precision."""
+    both = Centres.of_frames([centres.charts[k].W for k in (0, 30)], 0.5)
+    every = np.concatenate([images(chart.W) for chart in both.charts])
+    squared = 3 - traces(both.charts[a].W, every)
+    # none is at the limit, which single precision has not exactly
+    limit = (REACH * both.radius) ** 2
+    assert np.abs(squared - limit).min() > 1e-6
+    within = np.flatnonzero((squared > SAME) & (squared < limit))
+    P = np.swapaxes(every[within], 1, 2) @ every[within]
+    more = both.near(a, 10**6)
+    assert len(more.X) == len(within) > 200
+    # some have other signs of columns, and some are of each centre
+    assert (within % 64 > 0).any()
+    assert 0 < (within < 5040 * 64).mean() < 1
+    assert same(more.X + both.P[a], P).all()
+    assert same(P, more.X + both.P[a]).all()
+    few = both.near(a, 40)
+    assert len(few.X) == 40
+    found = -(few.X * both.P[a]).sum((1, 2))
+    assert found == pytest.approx(np.sort(squared[within])[:40], abs=1e-5)
+
+
+def test_half_spaces_are_of_projections_with_the_same_diagonal(centres):
+    more = centres.near(7, 4000)
+    P = more.X + centres.P[7]
+    assert np.allclose(P @ P, P)
+    assert np.abs(more.X[:, range(7), range(7)]).max() < 1e-12
+    assert np.allclose(more.rough.T, 2 * more.X[:, *np.triu_indices(7, 1)], atol=1e-6)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
@@ -79,7 +88,7 @@ def test_a_nearest_frame_is_in_no_box_that_is_dropped(centres, around, share):
     for tau in places(rng, 24, np.arange(N) % 6):
         frames = exact(centres.charts[0], t, h, tau, box.z0)
         found = frames.found & (np.linalg.norm(frames.z - box.z0, axis=1) < 0.15)
-        others = frames.P.reshape(N, 49) @ half.X.reshape(-1, 49).T + half.d
+        others = frames.P.reshape(N, 49) @ half.X.reshape(-1, 49).T
         assert (others.max(1) >= bound - 1e-9)[found].all()
         is_nearest = found & (others.max(1) < 0)
         nearest += is_nearest.sum()
@@ -96,12 +105,12 @@ def test_with_a_level_bounds_hold_for_the_frames_at_it(centres, around):
         frames = exact(chart, t, h, tau, box.z0)
         found = frames.found & (np.linalg.norm(frames.z - box.z0, axis=1) < 0.15)
         own = (frames.P * P0).sum((1, 2))
-        others = frames.P.reshape(N, 49) @ half.X.reshape(-1, 49).T + half.d
+        others = frames.P.reshape(N, 49) @ half.X.reshape(-1, 49).T
         for i in np.flatnonzero(found)[:6]:
             bound = nearer(box.take([i]), half, P0, level=own[i])[0][0]
             assert bound <= others[i].max() + 1e-9
             checked += 1
-    with_level = nearer(box, half, P0, level=centres.level(0))[0]
+    with_level = nearer(box, half, P0, level=centres.level)[0]
     without = nearer(box, half, P0)[0]
     # a multiplier of the level helps
     assert ((with_level > 0) & box.ok).sum() > ((without > 0) & box.ok).sum()
@@ -109,7 +118,7 @@ def test_with_a_level_bounds_hold_for_the_frames_at_it(centres, around):
 
 
 def test_charts_hold_the_frames_above_the_level(centres):
-    # K of any frame, tight or not: tr P P_c + g_c >= 3 - R² only where |K| is at most T
+    # K of any frame, tight or not: tr P P_c >= 3 - R² only where |K| is at most T
     rng = np.random.default_rng(4)
     for a in (0, 7):
         chart = centres.charts[a]
@@ -119,11 +128,11 @@ def test_charts_hold_the_frames_above_the_level(centres):
         )
         K[0] = 0.0
         K[0, 0] = chart.greatest
-        traces = (projections(chart, K.reshape(-1, 3, 4)) * centres.P[a]).sum((1, 2))
-        level = centres.level(a)
-        assert traces.max() <= level + 1e-12
+        own = (projections(chart, K.reshape(-1, 3, 4)) * centres.P[a]).sum((1, 2))
+        level = centres.level
+        assert own.max() <= level + 1e-12
         # of one angle only: on the sphere |K| = T the level is reached
-        assert traces[0] == pytest.approx(level, abs=1e-12)
+        assert own[0] == pytest.approx(level, abs=1e-12)
 
 
 def programs(rng, number=40, n=24):

@@ -1,10 +1,12 @@
 """Random unit tight frames, and exact ones in boxes of a chart."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from lockedjoint.formulations.bounds.lever_cells import charts
+from lockedjoint.formulations.bounds.lever_cells.centres import Centres
 
 
 def random_rows(rng, rounds=300):
@@ -65,3 +67,29 @@ def places(rng, number, axes, alone=False):
         if alone:
             tau[np.arange(N), axes] = 2 * i / (number - 1) - 1
         yield tau
+
+
+def surrounded(rng, radius=0.31, away=0.4, number=60):
+    """Return as centres a random tight frame and others in random directions around it."""
+    first = random_chart(rng)
+    t = rng.normal(size=(number, 6))
+    t *= away / np.linalg.norm(t, axis=1)[:, None]
+    z, residual = charts.middles(first, t, np.zeros_like(t))
+    K = (t @ first.B + z @ first.C).reshape(-1, 3, 4)
+    others = (first.W + K @ first.F)[residual < charts.RESIDUAL]
+    made = Centres.of_frames([first.W, *others], radius)
+    assert len(made) > number - 10
+    return made
+
+
+def images(W):
+    """Return the frames W (3,7) in all orders and signs of columns, (5040·64,3,7)."""
+    orders = np.array(list(itertools.permutations(range(7))))
+    signs = np.array([(1, *rest) for rest in itertools.product((1, -1), repeat=6)])
+    ordered = np.moveaxis(W[:, orders], 1, 0)
+    return (ordered[:, None] * signs[None, :, None]).reshape(-1, 3, 7)
+
+
+def traces(W, frames):
+    """Return tr P P_i = |W W_iᵀ|² for a frame W (3,7) and frames (N,3,7), (N,)."""
+    return ((frames @ W.T) ** 2).sum((1, 2))
