@@ -82,7 +82,8 @@ class LeverCertificate:
             raise CertificateError(
                 f"radius: {self.radius} is not from {RADII[0]} to {RADII[1]}."
             )
-        if Fraction(self.bound) ** 2 < Fraction(1, 3) - self.limit:
+        proved = Fraction(1, 3) - self.limit
+        if not 0 <= self.bound < np.inf or Fraction(self.bound) ** 2 < proved:
             raise CertificateError(
                 f"bound: {self.bound} does not follow; it is less than √(1/3 − {self.limit})."
             )
