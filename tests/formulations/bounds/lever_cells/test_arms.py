@@ -1,14 +1,18 @@
 """Arms in a region: what trees exclude, that no arm is lost, and that signs are conventions."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
+from scipy.stats import ortho_group
 
+from lockedjoint.formulations.bounds.lever_cells import arms, charts
 from lockedjoint.formulations.bounds.lever_cells.arms import arms_excluded
+from lockedjoint.formulations.bounds.lever_cells.boxes import boxes
 from lockedjoint.formulations.bounds.lever_cells.centres import SIGNS, Centres, HalfSpaces
-from lockedjoint.formulations.bounds.lever_cells.nodes import Nodes
-from lockedjoint.formulations.bounds.lever_cells.regions import End, Region
+from lockedjoint.formulations.bounds.lever_cells.nodes import ANY, BATCH, Nodes
+from lockedjoint.formulations.bounds.lever_cells.regions import End, Region, Tally
 from results.bounds.lever_centres import TRACELESS, random_frame
 from tests.formulations.bounds.lever_cells.made_cells import arm, largest_lever_arm
 
@@ -22,10 +26,15 @@ PLUS = 0
 OTHER = 21
 
 
-def region():
-    """The whole ball around the axes of the arm, as if no other image were near."""
-    made = Region.of(Centres.of_frames([arm()[:3]], RADIUS), 0)
+def alone(W, radius):
+    """The whole ball around a frame, as if no other image were near."""
+    made = Region.of(Centres.of_frames([W], radius), 0)
     return dataclasses.replace(made, half_spaces=HalfSpaces(np.zeros((0, 7, 7))))
+
+
+def region():
+    """The ball around the axes of the arm."""
+    return alone(arm()[:3], RADIUS)
 
 
 def with_signs(of, signs):
@@ -51,12 +60,12 @@ def test_every_box_is_excluded_or_cut_in_two():
 def test_cube_with_an_arm_is_never_excluded(number):
     assert largest_lever_arm(arm()[6]) < 0.103
     assert (arm()[6] > 0).all()
-    calls = iter(range(12))
+    calls = iter(range(9))
     found = arms_excluded(
         with_signs(region(), SIGNS[number]),
         0.103,
         Nodes.cube(0.002, number),
-        stop=lambda: next(calls) == 11,
+        stop=lambda: next(calls) == 8,
     )
     assert found.left > 0
 
@@ -70,9 +79,121 @@ def test_boxes_outside_the_chart_need_no_proof():
 
 def test_signs_of_the_columns_change_nothing_if_the_null_vector_has_them():
     # a box with signs is the box of a frame whose columns have these signs
-    plain = arms_excluded(region(), 0.0798, Nodes.cube(HALF, PLUS))
+    plain = arms_excluded(region(), 0.07, Nodes.cube(HALF, PLUS))
     signed = with_signs(region(), SIGNS[OTHER])
-    assert arms_excluded(signed, 0.0798, Nodes.cube(HALF, OTHER)) == plain
+    assert arms_excluded(signed, 0.07, Nodes.cube(HALF, OTHER)) == plain
+
+
+def off_centre(rng):
+    """A region of which the axes of the arm are no centre, and t and z of the arm in it."""
+    around = region().chart
+    t = 0.02 * rng.normal(size=(1, 6))
+    z, _ = charts.middles(around, t, np.zeros((1, 6)))
+    K = (t @ around.B + z @ around.C).reshape(3, 4)
+    made = alone(around.W + K @ around.F, 0.2)
+    W, chart = arm()[:3], made.chart
+    K = np.linalg.solve(W @ chart.W.T, W @ chart.F.T).ravel()
+    return made, chart.B @ K, chart.C @ K
+
+
+@pytest.mark.parametrize("start", ["open", "given"])
+@pytest.mark.parametrize("number", [PLUS, OTHER, 63])
+def test_boxes_with_an_arm_remain_down_a_tree(start, number):
+    made, t, z = off_centre(np.random.default_rng(number))
+    of = with_signs(made, SIGNS[number])
+    nodes, signed, programs = Nodes.cube(0.1, ANY if start == "open" else number), 0, 0
+    for _ in range(34):
+        nodes, c = of.remaining(nodes, tally := Tally(), sphere=False)
+        parts = arms._looked_at(0.103, nodes, c, tally)
+        nodes = functools.reduce(Nodes.joined, parts)
+        tau = (t - nodes.t) / nodes.h
+        nodes = nodes.take(np.abs(tau).max(1) <= 1)
+        # with the signs of the null vector, and with what is known of z
+        nodes = nodes.take((nodes.signs == ANY) | (nodes.signs == number))
+        tau = (t - nodes.t) / nodes.h
+        off = z - nodes.z - np.einsum("nk,nkm->nm", tau, nodes.tilt)
+        nodes = nodes.take(np.linalg.norm(off, axis=1) <= nodes.near)
+        assert len(nodes) == 1
+        signed += int(nodes.signs[0] == number)
+        programs += tally.programs
+    assert signed > 10
+    assert programs > 5
+
+
+def test_signs_of_null_vectors_stay_open():
+    """Random frames in boxes, and their null vectors that are within a large limit."""
+    limit, half, rng = 0.3, 0.01, np.random.default_rng(4)
+    chart, N = region().chart, 40
+    nodes = Nodes.cube(half).take(np.zeros(N, int))
+    nodes = dataclasses.replace(
+        nodes, t=rng.uniform(-0.1, 0.1, (N, 6)), wait=np.arange(N), near=np.full(N, 0.1)
+    )
+    nodes = dataclasses.replace(nodes, z=charts.middles(chart, nodes.t, nodes.z)[0])
+    c = boxes(chart, nodes.t, nodes.h, nodes.z, nodes.tilt, nodes.near)
+    tally = Tally()
+    divided = arms._divided(limit, nodes, c, tally)
+    remaining = set(zip(divided.wait.tolist(), divided.signs.tolist(), strict=True))
+    assert len(remaining) == len(divided)
+    least, seen = np.sqrt((1 - 3 * limit) / 7), set()
+    for _ in range(20):
+        t = nodes.t + half * np.sign(rng.normal(size=(N, 6)))
+        z, residual = charts.middles(chart, t, c.z0)
+        K = (t @ chart.B + z @ chart.C).reshape(-1, 3, 4)
+        F = charts.roots(K)[3] @ (chart.F - np.swapaxes(K, 1, 2) @ chart.W)
+        q = rng.normal(size=(N, 500, 4))
+        n = q @ F / np.linalg.norm(q, axis=2, keepdims=True)
+        which, one = np.nonzero((np.abs(n).min(2) > least) & (residual < 1e-12)[:, None])
+        signs = np.sign(n[which, one])
+        number = (signs[:, None] * signs[:, :1, None] == SIGNS).all(2).argmax(1)
+        seen |= set(zip(which.tolist(), number.tolist(), strict=True))
+    assert len(seen) > 300
+    assert seen <= remaining
+    # many signs are impossible
+    assert len(remaining) < 0.7 * N * len(SIGNS)
+
+
+def test_boxes_without_null_vector_end_where_they_are_divided():
+    # the best arm that is known has larger lever arms, and so any null vector
+    found = arms_excluded(region(), 0.02, Nodes.cube(0.01))
+    assert +found.ends == {End.DIVIDED: 1}
+    assert (found.nodes, found.left) == (1, 0)
+
+
+def test_order_of_the_columns_changes_nothing():
+    order = [3, 1, 6, 0, 2, 5, 4]
+    plain, chart = region(), region().chart
+    chart = dataclasses.replace(chart, W=chart.W[:, order], F=chart.F[:, order])
+    P = plain.P[np.ix_(order, order)]
+    ordered = dataclasses.replace(plain, chart=chart, P=P)
+    cube = Nodes.cube(HALF)
+    found = arms_excluded(ordered, 0.07, cube)
+    assert found == arms_excluded(plain, 0.07, cube)
+    assert found.left == 0
+
+
+def test_a_rotated_frame_is_excluded_as_well():
+    """Multipliers depend on the frame, so that numbers of boxes may differ by some."""
+    plain = region()
+    R, Q = (ortho_group.rvs(size, random_state=size) for size in (3, 4))
+    turned = {
+        name: (R @ getattr(plain.chart, name).reshape(6, 3, 4) @ Q.T).reshape(6, 12)
+        for name in ("B", "C")
+    }
+    turned |= {"W": R @ plain.chart.W, "F": Q @ plain.chart.F}
+    rotated = dataclasses.replace(plain, chart=dataclasses.replace(plain.chart, **turned))
+    found, other = (arms_excluded(one, 0.07, Nodes.cube(HALF)) for one in (plain, rotated))
+    assert found.left == other.left == 0
+    assert other.nodes == pytest.approx(found.nodes, rel=0.1)
+
+
+def test_what_is_not_looked_at_is_left():
+    cube = Nodes.cube(0.02)
+    one = arms_excluded(region(), 0.103, cube, stop=lambda: True)
+    assert one.nodes == 1 <= one.left
+    many = cube.take(np.zeros(3 * BATCH, int))
+    found = arms_excluded(region(), 0.103, many, stop=lambda: True)
+    assert found.nodes == BATCH
+    assert found.left == 2 * BATCH + one.left * BATCH
 
 
 def test_random_frames_are_tight_and_weights_vary():
