@@ -116,7 +116,9 @@ def boxes_of(rng, sample, longest):
     tau = np.clip(rng.uniform(-1.3, 1.3, (N, 6)), -1, 1)
     near = np.where(rng.integers(0, 2, N) > 0, np.inf, rng.uniform(0.01, 0.2, N))
     away = rng.normal(size=(N, 6))
-    away *= rng.uniform(0, 1, (N, 1)) * np.where(near < np.inf, near, 0)[:, None] / lengths(away)
+    away *= (
+        rng.uniform(0, 1, (N, 1)) * np.where(near < np.inf, near, 0)[:, None] / lengths(away)
+    )
     tilt = 0.3 * h[:, :, None] * rng.normal(size=(N, 6, 6))
     z = sample.z - np.einsum("nk,nkm->nm", tau, tilt) + away
     return Nodes(
@@ -143,9 +145,7 @@ def dropped(region, nodes, sphere):
 
 
 @pytest.mark.parametrize("longest", [0.004, 0.02, 0.06])
-def test_no_box_with_a_frame_nearest_to_the_centre_is_dropped(
-    centres, region, within, longest
-):
+def test_no_box_with_a_frame_nearest_to_the_centre_is_dropped(centres, region, within, longest):
     rng = np.random.default_rng(13)
     some = within.nearest & (within.own <= centres.radius**2)
     assert some.sum() > 300
@@ -192,7 +192,9 @@ def test_along_a_tree_frames_are_kept(centres, region, within, on_sphere):
             # and what is known of z holds for it
             known = nodes.z[:, None] + np.einsum("nfk,nkm->nfm", tau, nodes.tilt)
             off = np.linalg.norm(some.z - known, axis=2)
-            assert (off[has] <= np.broadcast_to(nodes.near[:, None], off.shape)[has] + 1e-9).all()
+            assert (
+                off[has] <= np.broadcast_to(nodes.near[:, None], off.shape)[has] + 1e-9
+            ).all()
             nodes = nodes.take(has.any(1))
         assert np.isfinite(nodes.near).all()
 
@@ -243,7 +245,7 @@ def test_large_boxes_have_no_bounds_but_are_cut_to_the_chart(region):
 def test_region_is_of_its_centre(centres):
     region = Region.of(centres, 5)
     assert region.chart is centres.charts[5]
-    assert (region.P == centres.P[5]).all()
+    assert np.array_equal(region.P, centres.P[5])
     assert region.level == pytest.approx(3 - 0.2**2)
     assert (region.half_spaces.X == centres.near(5).X).all()
 
