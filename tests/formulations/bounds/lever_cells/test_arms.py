@@ -152,6 +152,17 @@ def test_signs_of_null_vectors_stay_open():
     assert len(remaining) < 0.7 * N * len(SIGNS)
 
 
+@pytest.mark.parametrize("signs", [ANY, OTHER])
+def test_boxes_whose_bounds_do_not_hold_are_halved(signs):
+    nodes = dataclasses.replace(Nodes.cube(0.2, signs), t=np.full((1, 6), 0.6))
+    chart = dataclasses.replace(region().chart, greatest=2.0)
+    c = boxes(chart, nodes.t, nodes.h, nodes.z, nodes.tilt, nodes.near)
+    assert not c.ok.any()
+    halves = functools.reduce(Nodes.joined, arms._looked_at(0.01, nodes, c, Tally()))
+    assert (halves.signs == [signs, signs]).all()
+    assert np.prod(halves.h, 1).sum() == pytest.approx(0.2**6)
+
+
 def test_boxes_without_null_vector_end_where_they_are_divided():
     # the best arm that is known has larger lever arms, and so any null vector
     found = arms_excluded(region(), 0.02, Nodes.cube(0.01))

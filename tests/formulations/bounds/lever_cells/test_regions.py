@@ -242,6 +242,16 @@ def test_large_boxes_have_no_bounds_but_are_cut_to_the_chart(region):
     assert (tally.nodes, sum(tally.ends.values())) == (2, 0)
 
 
+@pytest.mark.parametrize("sphere_only", [False, True])
+def test_boxes_whose_bounds_do_not_hold_are_kept(region, sphere_only):
+    wide = dataclasses.replace(region, chart=dataclasses.replace(region.chart, greatest=2.0))
+    nodes = dataclasses.replace(Nodes.cube(0.2), t=np.full((1, 6), 0.6))
+    gone, _, left = dropped(wide, nodes, sphere_only)
+    assert not gone.any()
+    assert not wide.remaining(nodes, Tally(), sphere_only)[1].ok.any()
+    assert left.h == pytest.approx(nodes.h)
+
+
 def test_region_is_of_its_centre(centres):
     region = Region.of(centres, 5)
     assert region.chart is centres.charts[5]
