@@ -19,7 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from lockedjoint.formulations import condition, manipulability, measures
 from lockedjoint.formulations.atlas.collection import folder
 from lockedjoint.formulations.atlas.entry import AtlasRow, EntryPage, row_of
-from lockedjoint.formulations.bounds.certified import FIVE_LEVERS
+from lockedjoint.formulations.bounds.certified import FIVE_LEVERS, LEVER_CELLS
 from lockedjoint.formulations.io.files import write_bytes
 from lockedjoint.formulations.io.table import Table
 from lockedjoint.formulations.measures.canonical import count_symmetries
@@ -61,7 +61,7 @@ EVIDENCE = {
     "proved (two-point)": "the multipliers in formulations/bounds/two_point.json and ",
     "proved (tight)": f"{_CERTIFICATES}residual_tight.json and ",
     "proved (null-vector)": f"{_CERTIFICATES}max_min_null_vector.json and ",
-    "proved (turned)": f"{_CERTIFICATES}isotropy_turned.json and ",
+    LEVER_CELLS: f"{_CERTIFICATES}isotropic_levers.json and ",
 }
 
 

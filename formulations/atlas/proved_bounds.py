@@ -72,12 +72,10 @@ _MOST_NODES = 10_000
 _RESIDUAL = "residual_tight.json"
 # Name of the certificate of the worst case.
 _MAX_MIN = "max_min_null_vector.json"
-# Name of the certificate of isotropic lever arms without the phase.
-_ISOTROPY = "isotropy_turned.json"
-# Name of the certificate of isotropic lever arms by branch and bound.
+# Name of the certificate of isotropic lever arms.
 _LEVERS = "isotropic_levers.json"
 # What each certificate bounds.
-_QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min", _ISOTROPY: "isotropy"}
+_QUANTITIES = {_RESIDUAL: "residual", _MAX_MIN: "max-min"}
 
 
 class BoundProver:
@@ -86,7 +84,8 @@ class BoundProver:
     Parameters
     ----------
     certificates
-        A folder with the files of `_QUANTITIES`. Each is verified once, when a bound needs it.
+        A folder with the files of `_QUANTITIES`, and `_LEVERS`. Each is verified once, when a
+        bound needs it.
     executor
         Where the sums of a certificate are computed; by default in this process.
     progress
@@ -145,8 +144,6 @@ class BoundProver:
             return _projection_proves(asked, bound.value)
         if "null-vector" in bound.kind:
             return bound.value >= self._stated(_MAX_MIN, asked.joints)
-        if "turned" in bound.kind:
-            return isotropic and bound.value >= self._stated(_ISOTROPY, asked.joints)
         # What is left follows from the least residual ½‖JJᵀ − (T/m)I‖².
         excludes = excludes_isotropic if isotropic else excludes_max_min
         residual = self._stated(_RESIDUAL, asked.joints)

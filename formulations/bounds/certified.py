@@ -403,14 +403,10 @@ def _on_levers(excluding: revolute_exclusions.Excludes, arm: Arm) -> Bound | Non
 def _isotropic_levers_on_record(arm: Arm) -> Bound | None:
     """Return what is on record for isotropic revolute joints with any lever arms, or None."""
     joints = len(arm.joints)
-    known = _stored("record.json", quantity="isotropy", joints=joints)
-    cells = _stored("isotropic_levers.json", joints=joints)
+    known = _stored("isotropic_levers.json", joints=joints)
     if not known or _revolute(arm) != joints:
         return None
-    return least(
-        Bound(known[0]["bound"], f"proved ({known[0]['preset']})"),
-        *(Bound(one["bound"], LEVER_CELLS) for one in cells),
-    )
+    return Bound(known[0]["bound"], LEVER_CELLS)
 
 
 def has_no_isotropic(arm: Arm) -> bool:

@@ -12,7 +12,7 @@ from lockedjoint.formulations.atlas.entry import entry
 from lockedjoint.formulations.atlas.export import EVIDENCE
 from lockedjoint.formulations.atlas.proved_bounds import BoundProver
 from lockedjoint.formulations.bounds import five_levers
-from lockedjoint.formulations.bounds.certified import Bound, two_point_on_record
+from lockedjoint.formulations.bounds.certified import LEVER_CELLS, Bound, two_point_on_record
 from lockedjoint.formulations.bounds.two_point_proof import prove_two_point
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.nlp.errors import FileError
@@ -129,7 +129,6 @@ def test_altered_multipliers_are_refused(patched, place, change):
     ("name", "stated"),
     [
         ("lever-revolute_6x7_k1", 0.05682542),
-        ("lever-revolute_6x7_k1_isotropy", 0.5299346433827651),
         ("unit-revolute_6x7_k1", 0.3275**0.5),
     ],
 )
@@ -149,6 +148,27 @@ def test_a_rigorous_bound_needs_its_certificate(name, stated, monkeypatch):
         raise CertificateError("altered")
 
     monkeypatch.setattr(proved_bounds, "verify_bound", refuse)
+    with pytest.raises(CertificateError, match="altered"):
+        BoundProver(CERTIFICATES).prove(page, page.entry.bound)
+
+
+def test_the_bound_on_isotropic_lever_arms_needs_its_certificate(monkeypatch):
+    page = page_of(entry("lever-revolute_6x7_k1_isotropy"))
+    assert page.entry.bound.kind == LEVER_CELLS
+    verified = []
+    monkeypatch.setattr(proved_bounds, "verify_levers", lambda one, **_: verified.append(one))
+    prover = BoundProver(CERTIFICATES)
+    for _ in range(2):
+        prover.prove(page, page.entry.bound)
+    assert [one.bound for one in verified] == [page.entry.bound.value]
+    lower = replace(page.entry.bound, value=page.entry.bound.value * (1 - 1e-12))
+    with pytest.raises(CertificateError, match="not proved"):
+        prover.prove(page, lower)
+
+    def refuse(one, **_):
+        raise CertificateError("altered")
+
+    monkeypatch.setattr(proved_bounds, "verify_levers", refuse)
     with pytest.raises(CertificateError, match="altered"):
         BoundProver(CERTIFICATES).prove(page, page.entry.bound)
 
