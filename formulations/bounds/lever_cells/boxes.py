@@ -38,7 +38,7 @@ from lockedjoint.nlp.arrays import FloatArray
 SLACK = 1e-12
 #: Least singular value of the equations; in trees of seven vectors it was 0.22 or more.
 LEAST_VALUE = 0.1
-#: Greatest ‖Q‖; it was at most 9.
+#: Greatest ‖Q‖; it was at most 9.2.
 GREATEST_INVERSE = 30.0
 #: Greatest |K0|; it was at most 0.4.
 GREATEST_MIDDLE = 1.0

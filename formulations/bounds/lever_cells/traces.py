@@ -30,7 +30,7 @@ from lockedjoint.formulations.bounds.lever_cells.corners import (
 )
 from lockedjoint.nlp.arrays import FloatArray
 
-#: Greatest |X| + |η|, so that rounding is small; it was at most 13.
+#: Greatest |X| + |η|, so that rounding is small; it was at most 4 in trees of arms.
 GREATEST_MATRIX = 100.0
 _DIAGONAL = np.arange(6)
 

@@ -9,13 +9,14 @@ from lockedjoint.formulations.bounds.lever_cells.arms import with_signs
 from lockedjoint.formulations.bounds.lever_cells.boxes import boxes
 from lockedjoint.formulations.bounds.lever_cells.cells import Cells
 from lockedjoint.formulations.bounds.lever_cells.centres import SIGNS, Centres
-from lockedjoint.formulations.bounds.lever_cells.certificates import values
+from lockedjoint.formulations.bounds.lever_cells.certificates import excluded, values
 from lockedjoint.formulations.bounds.lever_cells.charts import tight_chart
-from lockedjoint.formulations.bounds.lever_cells.equations import ends
+from lockedjoint.formulations.bounds.lever_cells.equations import Multipliers, ends
 from lockedjoint.formulations.bounds.lever_cells.expansion import Expansion
 from lockedjoint.formulations.bounds.lever_cells.multipliers import multipliers
 from lockedjoint.formulations.bounds.lever_cells.nodes import Nodes
 from lockedjoint.formulations.bounds.lever_cells.regions import Region
+from lockedjoint.formulations.bounds.lever_cells.traces import trace_range
 from tests.formulations.bounds.lever_cells.followed import (
     down_arms,
     down_region,
@@ -285,3 +286,23 @@ def test_cut_boxes_have_the_same_linear_function():
         t = cut.t[0] + tau * cut.h[0]
         before = nodes.z[0] + (t - nodes.t[0]) / nodes.h[0] @ nodes.tilt[0]
         assert cut.z[0] + tau @ cut.tilt[0] == pytest.approx(before, abs=1e-12)
+
+
+def test_large_numbers_prove_nothing():
+    """The bounds of rounding errors rest on these tests."""
+    _, found, cells = cells_at(arm()[:3], np.zeros((2, 6)), 0.01)
+    X = np.stack([np.eye(7), 1e3 * np.eye(7)])
+    below, above, _ = trace_range(found, X)
+    assert np.isfinite(below).tolist() == np.isfinite(above).tolist() == [True, False]
+    expansion = Expansion.of_cells(cells)
+    _, m = multipliers(expansion, 0.07)
+    rows = m.packed()
+    rows[1] *= 2.5 / np.linalg.norm(rows[1])
+    longer = Multipliers.unpacked(rows)
+    assert excluded(expansion, longer, 0.07, 1e-6)[0].tolist() == [True, False]
+    wide = dataclasses.replace(expansion.rest, theta=np.array([0.9, 0.4]))
+    wide = dataclasses.replace(expansion, rest=wide)
+    assert excluded(wide, m, 0.07, 1e-6)[0].tolist() == [True, False]
+    # directions that are not orthonormal
+    slanted = dataclasses.replace(found, C=found.C * (1 + np.array([0, 1e-12]))[:, None, None])
+    assert Cells.of_boxes(slanted).ok.tolist() == [True, False]
