@@ -80,6 +80,23 @@ def test_bound_is_what_follows(certificate, document):
     assert sentence == f"bound: {less} does not follow; it is less than √(1/3 − 9/100)."
 
 
+def test_bound_is_compared_exactly(frames):
+    """Bounds just below what follows are refused also where doubles do not show it."""
+    unseen = 0
+    for k in range(0, 110, 3):
+        made = LeverCertificate.of_frames(frames, 0.25, Fraction(k, 1000))
+        less = nextafter(made.bound, 0.0)
+        unseen += less**2 >= float(Fraction(1, 3) - made.limit)
+        with pytest.raises(CertificateError, match="does not follow"):
+            replace(made, bound=less)
+    assert unseen > 0
+
+
+def test_no_radius_is_nan(certificate):
+    with pytest.raises(CertificateError, match="radius: nan is not from"):
+        replace(certificate, radius=nan)
+
+
 @pytest.mark.parametrize("bound", [nan, inf, -inf, -0.5, 0.0])
 def test_bounds_that_do_not_follow(certificate, bound):
     with pytest.raises(CertificateError, match=r"bound: .* does not follow"):

@@ -10,9 +10,10 @@ from scipy.stats import ortho_group
 from lockedjoint.formulations.bounds.lever_cells import arms, charts
 from lockedjoint.formulations.bounds.lever_cells.arms import arms_excluded
 from lockedjoint.formulations.bounds.lever_cells.boxes import boxes
+from lockedjoint.formulations.bounds.lever_cells.cells import Cells, no_null_vector
 from lockedjoint.formulations.bounds.lever_cells.centres import SIGNS, Centres, HalfSpaces
 from lockedjoint.formulations.bounds.lever_cells.nodes import ANY, BATCH, Nodes
-from lockedjoint.formulations.bounds.lever_cells.regions import End, Region, Tally
+from lockedjoint.formulations.bounds.lever_cells.regions import MARGIN, End, Region, Tally
 from results.bounds.lever_centres import TRACELESS, random_frame
 from tests.formulations.bounds.lever_cells.made_cells import arm, largest_lever_arm
 
@@ -150,6 +151,59 @@ def test_signs_of_null_vectors_stay_open():
     assert seen <= remaining
     # many signs are impossible
     assert len(remaining) < 0.7 * N * len(SIGNS)
+
+
+def scattered(half, number, seed=5):
+    """Boxes around the arm's axes, what is known of them, and their chart."""
+    rng, chart = np.random.default_rng(seed), region().chart
+    nodes = Nodes.cube(half).take(np.zeros(number, int))
+    nodes = dataclasses.replace(
+        nodes,
+        t=rng.uniform(-0.1, 0.1, (number, 6)),
+        wait=np.arange(number),
+        near=np.full(number, 0.1),
+    )
+    nodes = dataclasses.replace(nodes, z=charts.middles(chart, nodes.t, nodes.z)[0])
+    return rng, chart, nodes, bounds(chart, nodes)
+
+
+def bounds(chart, nodes):
+    return boxes(chart, nodes.t, nodes.h, nodes.z, nodes.tilt, nodes.near)
+
+
+def test_open_signs_are_those_that_boxes_of_signed_frames_have():
+    limit, N = 0.1, 40
+    _, chart, nodes, c = scattered(0.03, N)
+    divided = arms._divided(limit, nodes, c, Tally())
+    closed = np.ones((N, len(SIGNS)), bool)
+    closed[divided.wait, divided.signs] = False
+    assert 0.3 < closed.mean() < 0.98
+    for signs, none in zip(SIGNS, closed.T, strict=True):
+        signed = dataclasses.replace(chart, W=chart.W * signs, F=chart.F * signs)
+        cells = Cells.of_boxes(bounds(signed, nodes))
+        assert (no_null_vector(cells, limit, MARGIN) == none).all()
+
+
+def test_what_remains_knows_where_its_frames_are():
+    """Of many boxes, some with signs, some of which are excluded."""
+    N = 60
+    rng, chart, nodes, c = scattered(0.02, N)
+    nodes = dataclasses.replace(nodes, signs=np.where(np.arange(N) % 3 > 0, PLUS, ANY))
+    tally = Tally()
+    left = functools.reduce(Nodes.joined, arms._looked_at(0.09, nodes, c, tally))
+    assert 0 < tally.ends[End.NO_NULL_VECTOR] < N
+    seen = 0
+    for _ in range(10):
+        t = nodes.t + nodes.h * np.sign(rng.normal(size=(N, 6)))
+        z, residual = charts.middles(chart, t, c.z0)
+        t, z = t[residual < 1e-12], z[residual < 1e-12]
+        tau = (t - left.t[:, None]) / left.h[:, None]
+        has = (np.abs(tau) <= 1 + 1e-9).all(2)
+        known = left.z[:, None] + np.einsum("nfk,nkm->nfm", tau, left.tilt)
+        off = np.linalg.norm(z - known, axis=2)
+        assert (off <= left.near[:, None])[has].all()
+        seen += has.sum()
+    assert seen > 200
 
 
 @pytest.mark.parametrize("signs", [ANY, OTHER])
