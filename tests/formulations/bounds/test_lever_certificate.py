@@ -293,6 +293,10 @@ def test_trees_are_of_the_stated_balls_and_a_limit_rounded_up(certificate, monke
     monkeypatch.setattr(lever_certificate, "arms_excluded", arms_excluded)
     # 0.09 as a double is below 9/100
     assert Fraction(0.09) < LIMIT
+    for k in range(3):
+        lever_certificate._tree(certificate, k, "sphere")
+    assert (len(asked["sphere"]), len(asked["arms"])) == (3, 0)
+    asked["sphere"].clear()
     verify_levers(certificate)
     for regions in asked.values():
         assert [region.level for region in regions] == [3 - 0.25**2] * 3

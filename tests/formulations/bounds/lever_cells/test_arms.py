@@ -12,6 +12,8 @@ from lockedjoint.formulations.bounds.lever_cells.arms import arms_excluded
 from lockedjoint.formulations.bounds.lever_cells.boxes import boxes
 from lockedjoint.formulations.bounds.lever_cells.cells import Cells, no_null_vector
 from lockedjoint.formulations.bounds.lever_cells.centres import SIGNS, Centres, HalfSpaces
+from lockedjoint.formulations.bounds.lever_cells.equations import MULTIPLIER_COUNT
+from lockedjoint.formulations.bounds.lever_cells.expansion import Expansion
 from lockedjoint.formulations.bounds.lever_cells.nodes import ANY, BATCH, Nodes
 from lockedjoint.formulations.bounds.lever_cells.regions import MARGIN, End, Region, Tally
 from results.bounds.lever_centres import TRACELESS, random_frame
@@ -186,12 +188,14 @@ def test_open_signs_are_those_that_boxes_of_signed_frames_have():
 
 def test_what_remains_knows_where_its_frames_are():
     """Of many boxes, some with signs, some of which are excluded."""
-    N = 60
+    N = 120
     rng, chart, nodes, c = scattered(0.02, N)
-    nodes = dataclasses.replace(nodes, signs=np.where(np.arange(N) % 3 > 0, PLUS, ANY))
+    signs = np.where(np.arange(N) % 3 > 0, PLUS, ANY)
+    nodes = dataclasses.replace(nodes, signs=signs, wait=np.zeros(N, int))
     tally = Tally()
-    left = functools.reduce(Nodes.joined, arms._looked_at(0.09, nodes, c, tally))
+    left = functools.reduce(Nodes.joined, arms._looked_at(0.095, nodes, c, tally))
     assert 0 < tally.ends[End.NO_NULL_VECTOR] < N
+    assert tally.ends[End.OWN] > 0
     seen = 0
     for _ in range(10):
         t = nodes.t + nodes.h * np.sign(rng.normal(size=(N, 6)))
@@ -203,7 +207,7 @@ def test_what_remains_knows_where_its_frames_are():
         off = np.linalg.norm(z - known, axis=2)
         assert (off <= left.near[:, None])[has].all()
         seen += has.sum()
-    assert seen > 200
+    assert seen > 50
 
 
 @pytest.mark.parametrize("signs", [ANY, OTHER])
@@ -215,6 +219,25 @@ def test_boxes_whose_bounds_do_not_hold_are_halved(signs):
     halves = functools.reduce(Nodes.joined, arms._looked_at(0.01, nodes, c, Tally()))
     assert (halves.signs == [signs, signs]).all()
     assert np.prod(halves.h, 1).sum() == pytest.approx(0.2**6)
+
+
+def test_inherited_multipliers_exclude_the_cells_that_have_them():
+    _, _, _, c = scattered(0.02, 30)
+    expansion = Expansion.of_cells(Cells.of_boxes(c))
+    own = arms._by_own(expansion, 0.095, Tally())
+    packed = np.full((30, MULTIPLIER_COUNT), np.nan)
+    packed[own.having] = own.packed
+    packed[::3] = np.nan
+    together = arms._by_inherited(expansion, packed, 0.095, Tally())
+    assert 3 < together.sum() < np.isfinite(packed[:, 0]).sum()
+    assert (together <= own.excluded).all()
+    assert (together == own.excluded)[np.isfinite(packed[:, 0])].all()
+
+
+def test_boxes_too_large_for_bounds_are_halved():
+    wide = dataclasses.replace(region(), chart=dataclasses.replace(region().chart, greatest=1))
+    found = arms_excluded(wide, 0.01, Nodes.cube(0.9), stop=lambda: True)
+    assert (found.nodes, found.left) == (1, 2)
 
 
 def test_boxes_without_null_vector_end_where_they_are_divided():

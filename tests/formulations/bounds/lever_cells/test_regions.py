@@ -138,7 +138,8 @@ def dropped(region, nodes, sphere):
     tally = Tally()
     left, c = region.remaining(nodes, tally, sphere)
     assert tally.nodes == len(nodes) == len(left) + sum(tally.ends.values())
-    assert c is None or len(c.W) == len(left)
+    # bounds are of the boxes that are left
+    assert c.K0.reshape(-1, 12) @ region.chart.B.T == pytest.approx(left.t)
     answer = np.ones(len(nodes), bool)
     answer[left.wait] = False
     return answer, tally, left
