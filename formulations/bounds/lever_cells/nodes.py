@@ -108,7 +108,7 @@ class Nodes(Cases):
 
 
 def batches(stack: list[Nodes]) -> Iterator[Nodes]:
-    """Yield the nodes of a stack, the last first, in batches, until it is empty.
+    """Yield the nodes of a stack, from its end on, in batches, until it is empty.
 
     The stack may grow between two batches.
     """
