@@ -76,9 +76,9 @@ class BoundRow:
     )
     best_known: float = field(metadata=column("best known", ".9g"))
     gap_percent: float = field(metadata=column("gap %"))
-    moments: int | None
-    largest_block: int | None
-    boxes: int | None
+    moments: int | None = field(metadata=column(empty="–"))
+    largest_block: int | None = field(metadata=column(empty="–"))
+    boxes: int | None = field(metadata=column(empty="–"))
     seconds: float = field(metadata=column("wall time (s)", ".1f"))
 
 

@@ -15,6 +15,8 @@ PIVOTS = 40
 COST = 1e-7
 #: Entries of a column at most this large are no pivots.
 PIVOT = 1e-9
+#: Least sum of weights: it is 1, but for programs that rounding has spoiled.
+TINY = 1e-300
 #: Row of a tableau with the sum of λ, below those of six absolute values.
 SUM = 6
 #: Row with the reduced costs.
@@ -71,7 +73,7 @@ def combinations(
     found = np.zeros((len(m), rows.shape[2]))
     np.put_along_axis(found, basic, np.maximum(rows[:, :COSTS, -1], 0), 1)
     lam, mu = found[:, :n], found[:, n] - found[:, n + 1]
-    return lam / lam.sum(1, keepdims=True), mu, rows[:, COSTS, -1]
+    return lam / np.maximum(lam.sum(1, keepdims=True), TINY), mu, rows[:, COSTS, -1]
 
 
 def _start(m: FloatArray, a: FloatArray, r0: FloatArray, r: FloatArray) -> _Tableaus:
