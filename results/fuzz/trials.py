@@ -68,14 +68,16 @@ _CUT_SHARE = 0.2
 # too much.
 _FACTORS = (0.0, -1.0, 0.5, 0.999, 0.999999, 1.000001, 1.001, 1.5, 3.0)
 _TOO_SHARP = 1e-9
-# The certificate of isotropic lever arms, and the limits of arms that are claimed too much, in
-# thousandths: above those of an arm that exists.
+# The certificate of isotropic lever arms.
 _LEVERS = Path(__file__).parents[1] / "bounds/certificates/isotropic_levers.json"
+# Limits of lever arms that are claimed too much, in thousandths: above those of an arm that
+# exists.
 _FALSE_LIMITS = (111, 334)
-# What is added to a number of a frame.
+# Shifts of a number of a frame.
 _SHIFTS = (-0.5, -1e-3, -1e-7, 1e-7, 1e-3, 0.5)
-# Radii of balls that are too small, and the largest number of centres that are too few.
+# Radii of balls that are too small.
 _SMALL_RADII = (0.1, 0.2)
+# The largest number of centres that are too few.
 _FEW_CENTRES = 6
 # Arms of false certificates of the relaxation: its value is a maximum, so nothing proves more.
 _RELAXED = ("unit-revolute:7", "unit-revolute:5,prismatic:2", "rotor:8")
