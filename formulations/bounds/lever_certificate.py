@@ -22,7 +22,7 @@ import numpy as np
 
 from lockedjoint.formulations.bounds.lever_cells.arms import arms_excluded
 from lockedjoint.formulations.bounds.lever_cells.centres import Centres
-from lockedjoint.formulations.bounds.lever_cells.regions import End, Region, Tally, sphere
+from lockedjoint.formulations.bounds.lever_cells.regions import Region, Tally, sphere
 from lockedjoint.formulations.bounds.rational_roots import root_above
 from lockedjoint.formulations.existence.certificate import CertificateError
 from lockedjoint.formulations.existence.reading import Part
@@ -201,7 +201,7 @@ def verify_levers(
         centres=len(certificate.frames),
         sphere_boxes=found["sphere"].nodes,
         arm_boxes=arms.nodes,
-        certificates=arms.ends[End.INHERITED] + arms.ends[End.OWN],
+        certificates=arms.certificates,
         programs=arms.programs,
     )
 
@@ -209,7 +209,11 @@ def verify_levers(
 @one_blas_thread()
 def _tree(certificate: LeverCertificate, k: int, task: Task) -> tuple[int, Tally]:
     """Return the tree of one centre, and its number."""
-    region = Region.of(Centres.of_frames(certificate.frames, certificate.radius), k)
+    try:
+        centres = Centres.of_frames(certificate.frames, certificate.radius)
+    except ValueError as error:
+        raise CertificateError(f"frames: {error}.") from None
+    region = Region.of(centres, k)
     if task == "sphere":
         return k, sphere(region)
     # A limit that is rounded up excludes more.

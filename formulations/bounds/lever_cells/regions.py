@@ -21,7 +21,7 @@ from lockedjoint.formulations.bounds.lever_cells.nodes import Nodes, batches
 from lockedjoint.formulations.bounds.lever_cells.traces import trace_range
 from lockedjoint.nlp.arrays import FloatArray
 
-#: What a test has to exceed, a thousand times what rounding can change.
+#: What a test has to exceed, thirty times what rounding can change.
 MARGIN = 1e-6
 #: Half side above which a box is cut at once: its bounds would not be finite.
 LARGEST_HALF = 0.3
