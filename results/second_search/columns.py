@@ -12,6 +12,8 @@ formula of free vectors a, b in R³ (free columns: a in Rᵐ), with ω = b/|b| a
 
 A mean square is exactly the one that the joints allow, as no level falls when columns (or all
 their upper rows) are scaled up: JJᵀ grows. For a condition number the factor does not count.
+An isotropic J has equal traces of its upper and its lower three rows: beside r revolute joints
+the lever arms' mean square is smaller where prismatic joints have a part of the trace r.
 """
 
 from collections.abc import Sequence
@@ -43,12 +45,15 @@ class Columns:
     pull: ca.Function  # x and weights W (m, n) to the gradient of ⟨W, J⟩
 
     @classmethod
-    def of(cls, arm: Arm) -> "Columns":
-        """Return the columns of an arm; InputError for a kind of joint without a formula."""
+    def of(cls, arm: Arm, isotropic: bool = False) -> "Columns":
+        """Return the columns of an arm; InputError for a kind of joint without a formula.
+
+        If J has to be isotropic the lever arms get the mean square that this leaves them.
+        """
         sizes = [_size(joint) for joint in arm.joints]
         x = ca.SX.sym("x", sum(sizes))
         parts = ca.vertsplit(x, np.cumsum([0, *sizes]).tolist())
-        jacobian = _scaled(arm.joints, parts)
+        jacobian = _scaled(arm.joints, parts, isotropic)
         weights = ca.SX.sym("W", *arm.shape)
         entries = ca.vec(jacobian)
         pulled = ca.jtimes(entries, x, ca.vec(weights), True)
@@ -90,7 +95,7 @@ def _size(joint: Joint) -> int:
     raise InputError("joint", repr(joint), "a joint of the library")
 
 
-def _scaled(joints: Sequence[Joint], parts: Sequence[ca.SX]) -> ca.SX:
+def _scaled(joints: Sequence[Joint], parts: Sequence[ca.SX], isotropic: bool) -> ca.SX:
     """Return J, with the factors of joints that share a mean square."""
     columns = [_column(joint, part) for joint, part in zip(joints, parts, strict=True)]
     for kind in dict.fromkeys(joint for joint in joints if joint.budget == "mean"):
@@ -99,11 +104,23 @@ def _scaled(joints: Sequence[Joint], parts: Sequence[ca.SX]) -> ca.SX:
         places = [place for place, joint in enumerate(joints) if joint == kind]
         rows = columns[places[0]].numel() if isinstance(kind, FreeColumn) else 3
         square = sum(ca.sumsqr(columns[place][:rows]) for place in places) / len(places)
-        factor = kind.extent_bound / ca.sqrt(square)
+        allowed = kind.extent_bound**2
+        if isotropic and isinstance(kind, LeverRevolute):
+            allowed = min(allowed, _left_for_levers(joints) / len(places))
+        factor = ca.sqrt(allowed / square)
         for place in places:
             upper, lower = columns[place][:rows], columns[place][rows:]
             columns[place] = ca.vertcat(factor * upper, lower)
     return ca.horzcat(*columns)
+
+
+def _left_for_levers(joints: Sequence[Joint]) -> float:
+    """Return Σ|v|² of the lever arms that share a budget, in an isotropic J.
+
+    It is the trace of the lower rows, one for each revolute joint, less the prismatic columns.
+    """
+    moving = sum(joint.speed**2 for joint in joints if isinstance(joint, Prismatic))
+    return sum(not isinstance(joint, Prismatic) for joint in joints) - moving
 
 
 def _column(joint: Joint, part: ca.SX) -> ca.SX:

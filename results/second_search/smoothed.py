@@ -31,8 +31,11 @@ _WIDEST = 0.1
 _NARROWEST = 1e-4
 _LEAST_WIDTH = 4e-3
 _STEP = 5.0
-# Iterations of L-BFGS for each width; SLSQP goes on where they do not reach the top.
-_ITERATIONS = 200
+# Iterations of L-BFGS for each width, the relative change of the loss at which it ends, and the
+# slope at which it ends. SLSQP goes on from there: it is faster near the top.
+_ITERATIONS = 100
+_LEAST_CHANGE = 1e-5
+_LEAST_SLOPE = 1e-4
 # Draws for each start, of which the one with the best smoothed level begins.
 _DRAWS = 4
 # First penalty p, and its factor from width to width.
@@ -65,7 +68,7 @@ class SmoothedSearch:
     def of(cls, entry: Entry) -> "SmoothedSearch":
         """Return the search of an entry; InputError for a kind of joint without a formula."""
         isotropic = entry.formulation == isotropy.NAME
-        return cls(Levels.of(entry), Columns.of(entry.arm), isotropic)
+        return cls(Levels.of(entry), Columns.of(entry.arm, isotropic), isotropic)
 
     def answer(self, rng: np.random.Generator) -> FloatArray | None:
         """Return the Jacobian that one start leads to, (m, n); None if it is not isotropic."""
@@ -106,7 +109,12 @@ class SmoothedSearch:
     ) -> FloatArray:
         """Return the variables at which L-BFGS ends, shape (size,)."""
         settled = (width, multipliers, penalty)
-        options = {"maxiter": _ITERATIONS, "maxcor": 20, "ftol": 1e-13, "gtol": 1e-9}
+        options = {
+            "maxiter": _ITERATIONS,
+            "maxcor": 20,
+            "ftol": _LEAST_CHANGE,
+            "gtol": _LEAST_SLOPE,
+        }
         answer = minimize(
             self.loss, point, settled, jac=True, method="L-BFGS-B", options=options
         )

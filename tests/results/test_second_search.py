@@ -90,3 +90,13 @@ def test_the_rule_asks_for_more_starts_where_there_are_more_optima():
     assert not settled(starts=67, optima=5, reached=20)
     assert settled(starts=68, optima=5, reached=20)
     assert not settled(starts=12, optima=10, reached=5)
+
+
+def test_prismatic_columns_leave_less_to_the_lever_arms_of_an_isotropic_answer():
+    # JJᵀ = (5/3)I: of the trace 5 of the linear rows two prismatic joints have 2.
+    asked = entry("lever-revolute-5+prismatic-2_6x7_k1_isotropy")
+    found = SmoothedSearch.of(asked).answer(np.random.default_rng(0))
+    assert found is not None
+    assert asked.holds(found)
+    assert np.sum(found[:3, :5] ** 2) == pytest.approx(3)
+    assert worst_case_sigma(found) == pytest.approx(0.174607167, abs=1e-8)
