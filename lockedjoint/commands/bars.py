@@ -59,10 +59,11 @@ def _new_bar(form: str) -> Any:
     """Return a bar of tqdm, whose total is 1."""
     from tqdm import tqdm
 
-    width = min(_WIDTH, shutil.get_terminal_size().columns)
+    terminal = shutil.get_terminal_size()  # tqdm hides a bar if the system says 0 lines
     how: dict[str, Any] = {
         "leave": False,
-        "ncols": width,
+        "ncols": min(_WIDTH, terminal.columns),
+        "nrows": terminal.lines,
         "delay": _DELAY_SECONDS,
         "file": sys.stderr,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 from collections import defaultdict
 from contextlib import ExitStack
@@ -218,3 +219,22 @@ def test_nothing_is_shown_on_a_pipe():
         bar(Step("polish", 0.5))
         bar.close()
     assert pipe.getvalue() == ""
+
+
+def test_a_terminal_without_a_size_has_a_bar():
+    # A terminal of a container can say that it has 0 lines.
+    pty = pytest.importorskip("pty")
+    controller, terminal = pty.openpty()
+    os.set_blocking(controller, False)
+    bar = Bar()
+    with (
+        os.fdopen(terminal, "w") as stream,
+        patch.object(sys, "stderr", stream),
+        patch("lockedjoint.commands.bars._DELAY_SECONDS", 0.0),
+    ):
+        bar(Step("polish", 0.5))
+        stream.flush()
+        shown = os.read(controller, 4096).decode()
+        bar.close()
+    os.close(controller)
+    assert " 50 %|" in shown
