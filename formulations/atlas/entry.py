@@ -81,11 +81,13 @@ class Entry:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
         if jacobian.shape != (self.task_dimension, self.joints):
             return False
+        return self.arm.admits(jacobian) and bool(np.isfinite(self.score(jacobian)))
+
+    def score(self, jacobian: FloatArray) -> float:
+        """Return what is asked for, of a Jacobian, shape (m, n); NaN if it is not isotropic."""
         stated = registry.formulation_of(self.formulation)
         failures = {"failures": self.failures} if "failures" in stated.SETTINGS else {}
-        return self.arm.admits(jacobian) and bool(
-            np.isfinite(stated.score(jacobian, **failures))
-        )
+        return float(stated.score(jacobian, **failures))
 
 
 @cache

@@ -1,15 +1,17 @@
-"""Two searches for better Jacobians of entries in which several joints lock.
+"""Two searches for better Jacobians, for entries of which random starts seldom reach the best.
 
     python results/atlas/search.py ENTRY --from hops --minutes 10 --out atlas
 
-Many local optima are near the best then, and few random starts reach it. `hops` moves the best
-known Jacobian a little, or draws one to three of its joints anew. `symmetric` begins with
+Where several joints lock many local optima are near the best. `hops` moves the best known
+Jacobian a little, or draws one to three of its joints anew, and climbs by the last step of the
+second search (`results.second_search.smoothed`); it is for all entries. `symmetric` begins with
 Jacobians that a map of finite order carries into themselves: they have few variables, and few
-distinct failures. Where such an optimum comes near the best known, the symmetry is dropped.
+distinct failures. Where such an optimum comes near the best known, the symmetry is dropped. It
+climbs by `lockedjoint.formulations.solving.polish`, and is for max-min with the models
+free-mean and unit-revolute.
 
-Both climb by `lockedjoint.formulations.solving.polish`. Their starts say nothing on how many
-random starts reach a value, so that they do not count as such. They are for max-min with the
-models free-mean and unit-revolute, and run in one process.
+Their starts say nothing on how many random starts reach a value, so that they do not count as
+such. They run in one process.
 """
 
 import argparse
@@ -40,6 +42,8 @@ from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError, LockedJointError, one_of
 from results.atlas.symmetric_arm import SymmetricArm
+from results.second_search.columns import Columns
+from results.second_search.smoothed import SmoothedSearch
 
 SEARCHES = ("hops", "symmetric")
 _MODELS = ("free-mean", "unit-revolute")
@@ -71,32 +75,31 @@ def search(
     InputError if the search is not for this entry.
     """
     one_of("--from", kind, SEARCHES)
-    if asked.formulation != max_min.NAME or asked.model not in _MODELS:
-        allowed = f"an entry of {max_min.NAME} with the model {' or '.join(_MODELS)}"
-        raise InputError("entry", asked.name, allowed)
     if kind == "hops":
         if known is None:
             raise InputError("--from", kind, f"symmetric: {asked.name} has no Jacobian yet")
-        one_seed: OneSeed = partial(_hops, asked)
+        one_seed: OneSeed = partial(_hops, SmoothedSearch.of(asked))
     else:
+        if asked.formulation != max_min.NAME or asked.model not in _MODELS:
+            allowed = f"an entry of {max_min.NAME} with the model {' or '.join(_MODELS)}"
+            raise InputError("entry", asked.name, allowed)
         one_seed = partial(_symmetric, asked)
     pages = after_each_seed(asked, known, minutes, one_seed, progress)
     return (page for page in pages if page is not None)
 
 
-def _hops(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
+def _hops(smoothed: SmoothedSearch, page: EntryPage | None, seed: int) -> SeedResult:
     """Climb from the best known Jacobian, and from Jacobians near it."""
     assert page is not None
-    arm, best = asked.arm, page.jacobian
-    value = worst_case_sigma(best, asked.failures)
+    asked, columns, best = page.entry, smoothed.columns, page.jacobian
+    value = asked.score(best)
     for number in range(STARTS):
-        start = arm.variables(best)
+        start = columns.point(best)
         if number:  # the first start is the best itself: for its last digits
-            start = _moved(start, arm, np.random.default_rng((seed, number)))
-        jacobian = climbed(asked, arm, start)
-        sigma = worst_case_sigma(jacobian, asked.failures)
-        if sigma > value:
-            best, value = jacobian, sigma
+            start = _moved(start, columns, np.random.default_rng((seed, number)))
+        jacobian = columns.jacobian(smoothed.polished(start))
+        if asked.holds(jacobian) and asked.score(jacobian) > value:
+            best, value = jacobian, asked.score(jacobian)
     return SeedResult(best, _found(asked, page, best, "hops from the best"))
 
 
@@ -136,17 +139,18 @@ def climbed(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatAr
     return np.asarray(size * jacobian)
 
 
-def _moved(best: FloatArray, arm: Arm, rng: np.random.Generator) -> FloatArray:
+def _moved(best: FloatArray, columns: Columns, rng: np.random.Generator) -> FloatArray:
     """Return variables near the best, or with some joints drawn anew."""
+    moved = best.copy()
     if rng.random() < _SMALL_MOVE:
         size = 10.0 ** rng.uniform(_SMALLEST_MOVE_LOG10, _LARGEST_MOVE_LOG10)
-        moved = best + size * rng.normal(size=best.size)
-    else:
-        moved = best.reshape(arm.shape[1], -1).copy()
-        count = rng.integers(1, _MOST_REDRAWN + 1)
-        joints = rng.choice(arm.shape[1], count, replace=False)
-        moved[joints] = arm.sample(rng).reshape(moved.shape)[joints]
-    return np.asarray(np.clip(moved.ravel(), *arm.bounds))
+        return np.asarray(moved + size * rng.normal(size=best.size))
+    count = rng.integers(1, _MOST_REDRAWN + 1)
+    fresh = columns.parts(columns.sample(rng))
+    parts = columns.parts(moved)
+    for joint in rng.choice(len(parts), count, replace=False):
+        parts[joint][:] = fresh[joint]
+    return moved
 
 
 def _found(
@@ -156,11 +160,11 @@ def _found(
     before = found_so_far(page)
     if jacobian is None:
         return before
-    gain = worst_case_sigma(jacobian, asked.failures) - (float(page.value) if page else 0.0)
+    gain = asked.score(jacobian) - (float(page.value) if page else 0.0)
     if gain <= RESOLUTION:
         return before
     reached = before.reached_best if gain <= REACHED_BEST else 0
-    statement = f"{max_min.NAME}, {words}, polished"
+    statement = f"{asked.formulation}, {words}, polished"
     return replace(before, by="lockedjoint", statement=statement, reached_best=reached)
 
 

@@ -38,6 +38,7 @@ from lockedjoint.nlp.errors import InputError
 class Columns:
     """J and its slopes as functions of x, (size,)."""
 
+    joints: tuple[Joint, ...]
     size: int
     shape: tuple[int, int]
     function: ca.Function  # x to J, (m, n)
@@ -58,6 +59,7 @@ class Columns:
         entries = ca.vec(jacobian)
         pulled = ca.jtimes(entries, x, ca.vec(weights), True)
         return cls(
+            arm.joints,
             x.numel(),
             arm.shape,
             ca.Function("jacobian", [x], [jacobian]),
@@ -81,6 +83,19 @@ class Columns:
     def sample(self, rng: np.random.Generator) -> FloatArray:
         """Draw x: standard normal, so that directions are uniform."""
         return rng.standard_normal(self.size)
+
+    def parts(self, point: FloatArray) -> list[FloatArray]:
+        """Return the variables of each joint, views of x."""
+        ends = np.cumsum([_size(joint) for joint in self.joints])
+        return np.split(point, ends[:-1])
+
+    def point(self, jacobian: FloatArray) -> FloatArray:
+        """Return x, (size,), of which J is this Jacobian of the arm, (m, n)."""
+        parts = [
+            _variables(joint, column)
+            for joint, column in zip(self.joints, jacobian.T, strict=True)
+        ]
+        return np.concatenate(parts)
 
 
 def _size(joint: Joint) -> int:
@@ -139,6 +154,19 @@ def _column(joint: Joint, part: ca.SX) -> ca.SX:
             lever = 2 * joint.length / (1 + ca.sumsqr(lever)) * lever + joint.pitch * axis
         return ca.vertcat(lever, axis)
     return ca.vertcat(_unit(lever), axis)
+
+
+def _variables(joint: Joint, column: FloatArray) -> FloatArray:
+    """Return the variables of a joint's column, (m,)."""
+    if isinstance(joint, Prismatic):
+        return column[:3]
+    if not isinstance(joint, LeverRevolute) or joint.budget == "mean":
+        return column
+    # The shorter of two a with |v| = 2ℓ|a|/(1 + |a|²): a = v/(ℓ + √(ℓ² − |v|²)).
+    lever = column[:3] - joint.pitch * column[3:]
+    rest = max(joint.length**2 - float(lever @ lever), 0.0)
+    inner = lever / (joint.length + np.sqrt(rest))
+    return np.concatenate([inner, column[3:]])
 
 
 def _unit(vector: ca.SX) -> ca.SX:

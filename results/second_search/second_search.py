@@ -14,9 +14,8 @@ from time import process_time
 
 import numpy as np
 
-from lockedjoint.formulations import registry
 from lockedjoint.formulations.atlas.collection import improved, read_atlas, write_page
-from lockedjoint.formulations.atlas.entry import RESOLUTION, Entry, EntryPage, Found
+from lockedjoint.formulations.atlas.entry import RESOLUTION, EntryPage, Found
 from lockedjoint.formulations.io.files import prepare_folder
 from lockedjoint.formulations.io.table import HIDDEN, column, provenance
 from lockedjoint.formulations.solving.effort import Effort
@@ -108,7 +107,7 @@ def searched(
         starts += 1
         if jacobian is None or not asked.holds(jacobian):
             continue
-        score = _score(asked, jacobian)
+        score = asked.score(jacobian)
         if score > max(scores, default=0.0):
             best = jacobian
         scores.append(score)
@@ -151,13 +150,6 @@ def _better_page(
     )
     better = improved(page.entry, best, found, page)
     return better if better.value != page.value else None
-
-
-def _score(asked: Entry, jacobian: FloatArray) -> float:
-    """Return what the entry asks for, from J alone."""
-    stated = registry.formulation_of(asked.formulation)
-    failures = {"failures": asked.failures} if "failures" in stated.SETTINGS else {}
-    return float(stated.score(jacobian, **failures))
 
 
 def _different(scores: list[float]) -> int:

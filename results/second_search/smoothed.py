@@ -83,7 +83,7 @@ class SmoothedSearch:
                 uneven = unevenness(self.columns.jacobian(point))
                 multipliers = multipliers + 2 * penalty * uneven
             penalty *= _PENALTY_GROWTH
-        jacobian = self.columns.jacobian(self._polished(point))
+        jacobian = self.columns.jacobian(self.polished(point))
         if self.isotropic and np.max(np.abs(unevenness(jacobian))) > _ISOTROPIC:
             return None
         return jacobian
@@ -120,10 +120,11 @@ class SmoothedSearch:
         )
         return np.asarray(answer.x)
 
-    def _polished(self, point: FloatArray) -> FloatArray:
+    def polished(self, point: FloatArray) -> FloatArray:
         """Return the variables at which SLSQP ends, again and again as long as they are better.
 
-        Where J has to be isotropic a level may fall: a start from E ≠ 0 may be too good.
+        They have the shape (size,). Where J has to be isotropic a level may fall: a start from
+        E ≠ 0 may be too good.
         """
         best = point
         for _ in range(_POLISHES):

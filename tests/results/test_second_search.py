@@ -41,6 +41,7 @@ def test_columns_are_those_of_the_model(model, m):
         jacobian = columns.jacobian(columns.sample(rng))
         assert arm.admits(jacobian)
         assert not arm.admits(1.1 * jacobian)
+        assert columns.jacobian(columns.point(jacobian)) == pytest.approx(jacobian, abs=1e-7)
 
 
 @pytest.mark.parametrize("name", ENTRIES)
