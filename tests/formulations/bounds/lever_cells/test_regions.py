@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.bounds.lever_cells import charts
+from lockedjoint.formulations.bounds.lever_cells import charts, regions
 from lockedjoint.formulations.bounds.lever_cells.centres import Centres, HalfSpaces
 from lockedjoint.formulations.bounds.lever_cells.nodes import Nodes
 from lockedjoint.formulations.bounds.lever_cells.regions import (
@@ -285,6 +285,19 @@ def test_the_cheapest_sphere_of_the_certificate_has_no_box_left(certified):
     assert found.nodes == 2 * sum(found.ends.values()) - 1
     assert found.ends[End.NEARER] > 1000
     assert found.programs == found.certificates == 0
+
+
+def test_sphere_cuts_boxes_whose_bounds_do_not_hold(certified, monkeypatch):
+    real = regions.boxes
+
+    def unsound(*given):
+        c = real(*given)
+        return dataclasses.replace(c, ok=np.zeros_like(c.ok))
+
+    monkeypatch.setattr(regions, "boxes", unsound)
+    found = sphere(Region.of(certified, CHEAPEST))
+    assert found.left > 0
+    assert found.ends[End.NEARER] == 0
 
 
 def test_sphere_without_its_neighbours_has_boxes_left(certified):
