@@ -156,9 +156,9 @@ class PoseConstrainedArm(RobotArm):
         best = int(order[0])
         if slack[best] < -_MOST_MISSING_M:
             pair = self.clearance.closest(self._at_pose[:, best], self.clearance.pairs)
-            nearest = f"{pair.distance:.3g} m between {' and '.join(pair.links)} at best"
-            allowed = f"at least {self.clearance.least:g} m at one of {len(slack)} tried"
-            raise RobotError(f"clearance of {self.description}", nearest, allowed)
+            apart = f"{' and '.join(pair.links)} are {pair.distance:.3g} m apart"
+            allowed = f"less: at the best of {len(slack)} configurations tried {apart}"
+            raise RobotError("clearance", f"{self.clearance.least:g} m", allowed)
         return np.asarray(self._at_pose[:, order])
 
     def locked_reach(self, configuration: FloatArray) -> tuple[LockedReach, ...]:
