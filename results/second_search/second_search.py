@@ -28,7 +28,7 @@ from results.second_search.smoothed import SmoothedSearch
 #: Least number of random starts of an entry.
 LEAST_STARTS = 20
 #: Processor time in seconds after which an entry gets no further start.
-LIMIT_SECONDS = 120.0
+LIMIT_SECONDS = 75.0
 #: Number of starts that must reach the best before the rule can hold.
 OFTEN = 5
 # The folder of pages that are better than those on record.
@@ -43,8 +43,9 @@ class SecondSearchRow:
 
     `value` is what the atlas has, `best` what this search found, `above` is best − value; a
     start `reached` the better of the two if it is within 1e-6 of it. `optima` counts the
-    different values of starts, to 1e-6. The rule held for entries that are `settled`. `first`
-    and `first_starts` are the numbers of the search with Ipopt, as the atlas has them.
+    different values of starts, to 1e-6, and `unseen_percent` is how often a further start is
+    expected to end at another one. The rule held for entries that are `settled`. `first` and
+    `first_starts` are the numbers of the search with Ipopt, as the atlas has them.
     """
 
     entry: str
@@ -57,6 +58,7 @@ class SecondSearchRow:
     reached: int
     starts: int
     optima: int
+    unseen_percent: float = field(metadata=column("unseen %", ".2f"))
     settled: bool
     first: int = field(metadata=column("first: reached"))
     first_starts: int = field(metadata=column("of"))
@@ -72,6 +74,14 @@ def settled(starts: int, optima: int, reached: int) -> bool:
     if reached < OFTEN or starts - optima <= 2:
         return False
     return optima * (starts - 1) / (starts - optima - 2) < optima + 0.5
+
+
+def unseen_share(starts: int, optima: int) -> float:
+    """Return the expected share of starts that end at an optimum not yet seen.
+
+    With w optima seen in N starts it is w(w + 1)/(N(N − 1)), under the same prior, and at most 1.
+    """
+    return min(1.0, optima * (optima + 1) / max(starts * (starts - 1), 1))
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[SecondSearchRow]:
@@ -123,6 +133,7 @@ def searched(
         reached=number,
         starts=starts,
         optima=different,
+        unseen_percent=100 * unseen_share(starts, different),
         settled=held,
         first=page.found.reached_best,
         first_starts=page.found.starts,

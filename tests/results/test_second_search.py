@@ -7,7 +7,7 @@ from lockedjoint.formulations.atlas.entry import entry
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.measures import worst_case_sigma
 from results.second_search.columns import Columns
-from results.second_search.second_search import settled
+from results.second_search.second_search import settled, unseen_share
 from results.second_search.smoothed import SmoothedSearch
 
 # Step of finite differences, and how far they may be from slopes of size one.
@@ -101,3 +101,8 @@ def test_prismatic_columns_leave_less_to_the_lever_arms_of_an_isotropic_answer()
     assert asked.holds(found)
     assert np.sum(found[:3, :5] ** 2) == pytest.approx(3)
     assert worst_case_sigma(found) == pytest.approx(0.174607167, abs=1e-8)
+
+
+def test_the_unseen_share_is_that_of_the_prior():
+    assert unseen_share(starts=1, optima=1) == unseen_share(starts=2, optima=2) == 1
+    assert unseen_share(starts=200, optima=19) == pytest.approx(380 / 39800)
