@@ -79,7 +79,7 @@ def settled(starts: int, optima: int, reached: int) -> bool:
 def unseen_share(starts: int, optima: int) -> float:
     """Return the expected share of starts that end at an optimum not yet seen.
 
-    With w optima seen in N starts it is w(w + 1)/(N(N − 1)), under the same prior, and at most 1.
+    With w optima seen in N starts it is w(w + 1)/(N(N − 1)), under the same prior; at most 1.
     """
     return min(1.0, optima * (optima + 1) / max(starts * (starts - 1), 1))
 

@@ -269,7 +269,7 @@ def test_links_keep_the_distance_that_is_asked_for(made, bars):
 
 def test_what_no_posture_keeps_is_refused_with_the_best_seen(bars):
     arm, path = bars
-    with pytest.raises(RobotError, match=r"is 3 m; allowed: less: .* l1 and l\d are 0.\d+ m apart"):
+    with pytest.raises(RobotError, match=r"is 3 m; .* l1 and l\d are 0.\d+ m apart"):
         best_posture(arm, Search(starts=1), clearance=read_clearance(path, arm.chain, 3.0))
 
 
