@@ -20,7 +20,7 @@ from lockedjoint.formulations.io.rounding import rounded_up
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.joints.arm import Arm
-from lockedjoint.formulations.measures import gap_percent
+from lockedjoint.formulations.measures import gap_percent, isotropy_defect, trace
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.errors import InputError
 
@@ -29,6 +29,9 @@ RESOLUTION = 1e-9
 #: Number of starts that must reach the best before a search ends, and before a value is
 #: conjectured to be optimal.
 ENOUGH = 20
+# Largest ‖JJᵀ − (T/m)I‖_F, relative to T/m, of a Jacobian that has to be isotropic: what it can
+# gain by more is less than `RESOLUTION`.
+_ISOTROPIC = 1e-10
 # A value is conjectured to be optimal if one of so many starts, or more, reached it.
 _ONE_START_IN = 5
 
@@ -81,10 +84,14 @@ class Entry:
         """Whether a Jacobian, shape (m, n), is one of those that the entry asks for."""
         if jacobian.shape != (self.task_dimension, self.joints):
             return False
-        return self.arm.admits(jacobian) and bool(np.isfinite(self.score(jacobian)))
+        if not self.arm.admits(jacobian) or not np.isfinite(self.score(jacobian)):
+            return False
+        scale = trace(jacobian) / self.task_dimension
+        largest = 0.5 * (_ISOTROPIC * scale) ** 2
+        return self.formulation != isotropy.NAME or isotropy_defect(jacobian) <= largest
 
     def score(self, jacobian: FloatArray) -> float:
-        """Return what is asked for, of a Jacobian, shape (m, n); NaN if it is not isotropic."""
+        """Return what is asked for, of a Jacobian, shape (m, n), as the formulation does."""
         stated = registry.formulation_of(self.formulation)
         failures = {"failures": self.failures} if "failures" in stated.SETTINGS else {}
         return float(stated.score(jacobian, **failures))

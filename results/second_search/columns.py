@@ -47,9 +47,10 @@ class Columns:
 
     @classmethod
     def of(cls, arm: Arm, isotropic: bool = False) -> "Columns":
-        """Return the columns of an arm; InputError for a kind of joint without a formula.
+        """Return the columns of an arm; InputError for joints without a formula.
 
-        If J has to be isotropic the lever arms get the mean square that this leaves them.
+        If J has to be isotropic the lever arms get the mean square that this leaves them. That
+        is known beside prismatic joints only.
         """
         sizes = [_size(joint) for joint in arm.joints]
         x = ca.SX.sym("x", sum(sizes))
@@ -134,8 +135,12 @@ def _left_for_levers(joints: Sequence[Joint]) -> float:
 
     It is the trace of the lower rows, one for each revolute joint, less the prismatic columns.
     """
-    moving = sum(joint.speed**2 for joint in joints if isinstance(joint, Prismatic))
-    return sum(not isinstance(joint, Prismatic) for joint in joints) - moving
+    levers = [joint for joint in joints if not isinstance(joint, Prismatic)]
+    left = len(levers) - sum(j.speed**2 for j in joints if isinstance(j, Prismatic))
+    if len(set(levers)) > 1 or left <= 0:
+        allowed = "lever arms of one kind and fewer, or slower, prismatic joints, if isotropic"
+        raise InputError("joints", f"of {len(set(joints))} kinds", allowed)
+    return left
 
 
 def _column(joint: Joint, part: ca.SX) -> ca.SX:

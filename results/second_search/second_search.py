@@ -42,10 +42,11 @@ class SecondSearchRow:
     """One entry: the columns of ``second_search.csv``.
 
     `value` is what the atlas has, `best` what this search found, `above` is best − value; a
-    start `reached` the better of the two if it is within 1e-6 of it. `optima` counts the
-    different values of starts, to 1e-6, and `unseen_percent` is how often a further start is
-    expected to end at another one. The rule held for entries that are `settled`. `first` and
-    `first_starts` are the numbers of the search with Ipopt, as the atlas has them.
+    start `reached` the better of the two if it is within 1e-6 of it. Of all `starts` some may
+    have no answer: only `answers` count for the rule. `optima` counts their different values,
+    to 1e-6, and `unseen_percent` is how often a further answer is expected to have another one.
+    The rule held for entries that are `settled`. `first` and `first_starts` are the numbers of
+    the first search, as the atlas has them.
     """
 
     entry: str
@@ -57,6 +58,7 @@ class SecondSearchRow:
     above: float = field(metadata=column("above", ".1e"))
     reached: int
     starts: int
+    answers: int
     optima: int
     unseen_percent: float = field(metadata=column("unseen %", ".2f"))
     settled: bool
@@ -79,9 +81,12 @@ def settled(starts: int, optima: int, reached: int) -> bool:
 def unseen_share(starts: int, optima: int) -> float:
     """Return the expected share of starts that end at an optimum not yet seen.
 
-    With w optima seen in N starts it is w(w + 1)/(N(N − 1)), under the same prior; at most 1.
+    With w optima seen in N starts it is w(w + 1)/(N(N − 1)), under the same prior; it is 1
+    where nothing is known.
     """
-    return min(1.0, optima * (optima + 1) / max(starts * (starts - 1), 1))
+    if starts < 2 or optima == 0:
+        return 1.0
+    return optima * (optima + 1) / (starts * (starts - 1))
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[SecondSearchRow]:
@@ -109,13 +114,13 @@ def searched(
     while True:
         number = sum(score > max([value, *scores]) - REACHED_BEST for score in scores)
         different = _different(scores)
-        held = starts >= least and settled(starts, different, number)
+        held = starts >= least and settled(len(scores), different, number)
         spent = process_time() - begun
         if held or (starts >= least and spent > LIMIT_SECONDS):
             break
         jacobian = search.answer(np.random.default_rng((_STREAM, seed, starts)))
         starts += 1
-        if jacobian is None or not asked.holds(jacobian):
+        if not asked.holds(jacobian):
             continue
         score = asked.score(jacobian)
         if score > max(scores, default=0.0):
@@ -132,8 +137,9 @@ def searched(
         above=highest - value,
         reached=number,
         starts=starts,
+        answers=len(scores),
         optima=different,
-        unseen_percent=100 * unseen_share(starts, different),
+        unseen_percent=100 * unseen_share(len(scores), different),
         settled=held,
         first=page.found.reached_best,
         first_starts=page.found.starts,

@@ -1,8 +1,9 @@
 """A second search for the atlas: another statement, another method and other starts.
 
-The first search states an entry in CasADi and solves it with Ipopt. This one has variables x
-without equations (`columns`). It climbs the smoothed least level (`levels`) with L-BFGS, with
-smaller and smaller widths, and polishes with SLSQP::
+The first search states an entry in CasADi and solves it with Ipopt; entries on the condition
+number are polished by SLSQP. This one has variables x without equations (`columns`). It climbs
+the smoothed least level (`levels`) with L-BFGS, with smaller and smaller widths, and polishes
+with SLSQP::
 
     maximise s   subject to   s ≤ ℓ_F(x)   for the sets F with the least levels
 
@@ -52,8 +53,8 @@ _POLISH_ITERATIONS = 150
 _GAIN = 1e-10
 # Share of the largest singular value below which an equation depends on the others.
 _DEPENDENT = 1e-8
-# Largest entry of E of an answer.
-_ISOTROPIC = 1e-9
+# Steps of Newton's method to E = 0 after a polish: SLSQP leaves 1e-9.
+_NEWTON_STEPS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +71,11 @@ class SmoothedSearch:
         isotropic = entry.formulation == isotropy.NAME
         return cls(Levels.of(entry), Columns.of(entry.arm, isotropic), isotropic)
 
-    def answer(self, rng: np.random.Generator) -> FloatArray | None:
-        """Return the Jacobian that one start leads to, (m, n); None if it is not isotropic."""
+    def answer(self, rng: np.random.Generator) -> FloatArray:
+        """Return the Jacobian that one start leads to, (m, n).
+
+        It may be none of the entry's: from some starts no isotropic one is reached.
+        """
         widest = float(np.exp(rng.uniform(np.log(_NARROWEST), np.log(_WIDEST))))
         m, _ = self.columns.shape
         multipliers, penalty = np.zeros((m, m)), _PENALTY
@@ -83,10 +87,7 @@ class SmoothedSearch:
                 uneven = unevenness(self.columns.jacobian(point))
                 multipliers = multipliers + 2 * penalty * uneven
             penalty *= _PENALTY_GROWTH
-        jacobian = self.columns.jacobian(self.polished(point))
-        if self.isotropic and np.max(np.abs(unevenness(jacobian))) > _ISOTROPIC:
-            return None
-        return jacobian
+        return self.columns.jacobian(self.polished(point))
 
     def loss(
         self, point: FloatArray, width: float, multipliers: FloatArray, penalty: float
@@ -138,7 +139,16 @@ class SmoothedSearch:
                 best = better
             if gain < _GAIN and not (self.isotropic and gain < -_GAIN):
                 break
-        return best
+        return self._evened(best) if self.isotropic else best
+
+    def _evened(self, point: FloatArray) -> FloatArray:
+        """Return the variables after steps of least length to E = 0, shape (size,)."""
+        for _ in range(_NEWTON_STEPS):
+            jacobian, by_point = self.columns.with_slopes(point)
+            slopes = entry_slopes(jacobian) @ by_point
+            step = np.linalg.lstsq(slopes, entries(jacobian), rcond=_DEPENDENT)[0]
+            point = point - step
+        return point
 
     def _polished_once(self, point: FloatArray, chosen: Levels) -> FloatArray:
         """Return the variables at which SLSQP ends with some of the levels."""

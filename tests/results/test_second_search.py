@@ -79,9 +79,8 @@ def test_known_optima_are_found():
 def test_an_isotropic_answer_is_isotropic():
     search = SmoothedSearch.of(entry("free-mean_3x5_k2_isotropy"))
     found = search.answer(np.random.default_rng(0))
-    assert found is not None
     gram = found @ found.T
-    assert gram == pytest.approx(np.trace(gram) / 3 * np.eye(3), abs=1e-8)
+    assert gram == pytest.approx(np.trace(gram) / 3 * np.eye(3), abs=1e-12)
 
 
 def test_the_rule_asks_for_more_starts_where_there_are_more_optima():
@@ -97,12 +96,11 @@ def test_prismatic_columns_leave_less_to_the_lever_arms_of_an_isotropic_answer()
     # JJᵀ = (5/3)I: of the trace 5 of the linear rows two prismatic joints have 2.
     asked = entry("lever-revolute-5+prismatic-2_6x7_k1_isotropy")
     found = SmoothedSearch.of(asked).answer(np.random.default_rng(0))
-    assert found is not None
     assert asked.holds(found)
     assert np.sum(found[:3, :5] ** 2) == pytest.approx(3)
     assert worst_case_sigma(found) == pytest.approx(0.174607167, abs=1e-8)
 
 
 def test_the_unseen_share_is_that_of_the_prior():
-    assert unseen_share(starts=1, optima=1) == unseen_share(starts=2, optima=2) == 1
+    assert unseen_share(starts=1, optima=1) == unseen_share(starts=20, optima=0) == 1
     assert unseen_share(starts=200, optima=19) == pytest.approx(380 / 39800)
