@@ -157,7 +157,7 @@ class PoseConstrainedArm(RobotArm):
         if slack[best] < -_MOST_MISSING_M:
             pair = self.clearance.closest(self._at_pose[:, best], self.clearance.pairs)
             apart = f"{' and '.join(pair.links)} are {pair.distance:.3g} m apart"
-            allowed = f"less: at the best of {len(slack)} configurations tried {apart}"
+            allowed = f"less, as at the best of {len(slack)} configurations tried, {apart}"
             raise RobotError("clearance", f"{self.clearance.least:g} m", allowed)
         return np.asarray(self._at_pose[:, order])
 

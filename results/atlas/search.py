@@ -39,7 +39,7 @@ from lockedjoint.formulations.joints.arm import Arm
 from lockedjoint.formulations.measures import trace, worst_case_sigma
 from lockedjoint.formulations.solving.outcome import REACHED_BEST
 from lockedjoint.formulations.solving.polish import polish
-from lockedjoint.nlp.arrays import FloatArray
+from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import InputError, LockedJointError, one_of
 from results.atlas.symmetric_arm import SymmetricArm
 from results.second_search.columns import Columns
@@ -72,12 +72,14 @@ def search(
 ) -> Iterator[EntryPage]:
     """Search by ``hops`` or from ``symmetric`` starts; yield the page after each seed.
 
-    InputError if the search is not for this entry.
+    InputError if the search is not for this entry, or has no time.
     """
     one_of("--from", kind, SEARCHES)
+    real_number("--minutes", minutes, "a positive number", least=float(np.finfo(float).tiny))
     if kind == "hops":
         if known is None:
-            raise InputError("--from", kind, f"symmetric: {asked.name} has no Jacobian yet")
+            allowed = "an entry that has a Jacobian, from which --from hops begins"
+            raise InputError("entry", asked.name, allowed)
         one_seed: OneSeed = partial(_hops, SmoothedSearch.of(asked))
     else:
         if asked.formulation != max_min.NAME or asked.model not in _MODELS:
@@ -187,6 +189,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             write_page(page, given.out)
     except LockedJointError as error:
         options.error(str(error))
+    except KeyboardInterrupt:
+        print("Ended; what was found before is written.", file=sys.stderr)
+        return 130
     if page is None:
         print(f"No start led to a Jacobian of the entry {asked.name}.")
         return 1

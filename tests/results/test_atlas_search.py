@@ -1,6 +1,7 @@
 """Arms that a map of finite order carries into themselves, and searches from and for them."""
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from lockedjoint.formulations.measures import remaining_singular_values
 from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.solver import Solver
-from results.atlas.search import main, search
+from results.atlas.search import _moved, main, search
 from results.atlas.symmetric_arm import SymmetricArm
+from results.second_search.smoothed import SmoothedSearch
 
 SIZES = st.sampled_from([("free-mean", 2, 7), ("free-mean", 3, 8), ("unit-revolute", 6, 9)])
 
@@ -116,10 +118,55 @@ def test_hops_start_at_the_best_and_are_no_random_starts(name, monkeypatch):
     assert float(better.value) == pytest.approx(float(page.value), abs=1e-7)
     assert better.found.seeds == page.found.seeds + 1
     assert better.found.starts == page.found.starts
-    if float(better.value) > float(worse.value):
+    if better.value == worse.value:
+        assert (better.found.by, better.found.statement) == ("me", worse.found.statement)
+    else:
         stated = page.entry.formulation
         assert better.found.statement == f"{stated}, hops from the best, polished"
         assert better.history[-1]["found"]["by"] == "me"
+
+
+def test_a_hop_moves_all_joints_or_draws_some_anew():
+    columns = SmoothedSearch.of(entry("unit-revolute_6x9_k2")).columns
+    best = columns.sample(np.random.default_rng(0))
+    all_moved, drawn_anew = 0, set()
+    for seed in range(100):
+        moved = _moved(best, columns, np.random.default_rng(seed)) - best
+        joints = np.abs(moved.reshape(9, 6)).max(axis=1)
+        if np.all(joints > 0):
+            all_moved += 1
+            assert 1e-3 < np.std(moved) < 1
+        else:
+            drawn_anew.add(np.count_nonzero(joints))
+    assert 40 < all_moved < 80
+    assert drawn_anew == {1, 2, 3}
+
+
+def test_hops_find_the_best_again_from_a_worse_optimum(monkeypatch):
+    # The second best optimum of 2×7 columns of which three lock; the best is one hop away.
+    monkeypatch.setattr("results.atlas.search.STARTS", 12)
+    page = page_of(entry("free-mean_2x7_k3"))
+    smoothed = SmoothedSearch.of(page.entry)
+    answers = (smoothed.answer(np.random.default_rng(seed)) for seed in count())
+    second = next(one for one in answers if page.entry.score(one) < float(page.value) - 1e-3)
+    found = replace(page.found, by="me", reached_best=7)
+    worse = improved(page.entry, second, found, None)
+    better = next(search(page.entry, worse, 1e-6, "hops"))
+    assert float(better.value) == pytest.approx(float(page.value), abs=1e-9)
+    assert better.found.reached_best == 0
+    assert better.found.by == "lockedjoint"
+
+
+def test_an_uneven_jacobian_is_no_isotropic_one():
+    page = page_of(entry("lever-revolute_6x7_k1_isotropy"))
+    arm = page.entry.arm
+    assert page.entry.holds(page.jacobian)
+    for seed in range(5):
+        start = arm.variables(page.jacobian)
+        moved = start + 1e-7 * np.random.default_rng(seed).standard_normal(start.size)
+        uneven = arm.jacobian(np.clip(moved, *arm.bounds))
+        assert np.isfinite(page.entry.score(uneven))
+        assert not page.entry.holds(uneven)
 
 
 def test_symmetric_starts_find_an_entry_anew():
@@ -146,16 +193,21 @@ def test_symmetric_starts_find_an_entry_anew():
 def test_other_searches_and_entries_are_refused(name, kind, allowed):
     with pytest.raises(InputError, match=allowed):
         search(entry(name), page_of(entry(name)), 1.0, kind)
-    with pytest.raises(InputError, match="no Jacobian yet"):
+    with pytest.raises(InputError, match="has a Jacobian"):
         search(entry("free-mean_2x5_k2"), None, 1.0, "hops")
+    for minutes in (0.0, -1.0, np.nan):
+        with pytest.raises(InputError, match="minutes"):
+            search(
+                entry("free-mean_2x5_k2"), page_of(entry("free-mean_2x5_k2")), minutes, "hops"
+            )
 
 
 def test_the_script_writes_a_page_that_it_goes_on_from(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("results.atlas.search.STARTS", 2)
     name, seeds = "free-mean_2x5_k2", page_of(entry("free-mean_2x5_k2")).found.seeds
-    for count in (1, 2):
+    for more in (1, 2):
         assert main([name, "--from", "hops", "--minutes", "1e-6", "--out", str(tmp_path)]) == 0
-        assert read_page(tmp_path / f"{name}.json").found.seeds == seeds + count
+        assert read_page(tmp_path / f"{name}.json").found.seeds == seeds + more
     with pytest.raises(SystemExit) as ended:
         main(["nothing", "--out", str(tmp_path)])
     assert ended.value.code == 2

@@ -1,13 +1,18 @@
 """The second search: its columns, slopes and stopping rule, and values that are known."""
 
+from dataclasses import replace
+from itertools import count
+
 import numpy as np
 import pytest
 
+from lockedjoint.formulations.atlas.collection import improved, page_of
 from lockedjoint.formulations.atlas.entry import entry
 from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.measures import worst_case_sigma
+from lockedjoint.nlp.errors import InputError
 from results.second_search.columns import Columns
-from results.second_search.second_search import settled, unseen_share
+from results.second_search.second_search import searched, settled, unseen_share
 from results.second_search.smoothed import SmoothedSearch
 
 # Step of finite differences, and how far they may be from slopes of size one.
@@ -104,3 +109,54 @@ def test_prismatic_columns_leave_less_to_the_lever_arms_of_an_isotropic_answer()
 def test_the_unseen_share_is_that_of_the_prior():
     assert unseen_share(starts=1, optima=1) == unseen_share(starts=20, optima=0) == 1
     assert unseen_share(starts=200, optima=19) == pytest.approx(380 / 39800)
+
+
+def worse(page):
+    """Return the page of the second best optimum of an entry, which starts find sooner."""
+    search = SmoothedSearch.of(page.entry)
+    answers = (search.answer(np.random.default_rng(seed)) for seed in count())
+    found = next(one for one in answers if page.entry.score(one) < float(page.value) - 1e-3)
+    return improved(page.entry, found, replace(page.found, by="me"), None)
+
+
+def test_an_entry_is_searched_until_the_rule_holds_and_a_better_page_is_returned():
+    page = page_of(entry("free-mean_2x9_k2"))
+    row, better = searched(worse(page), least=6, seed=0)
+    assert row.settled
+    assert settled(row.answers, row.optima, row.reached)
+    assert row.starts == row.answers >= 6
+    assert row.unseen_percent == 100 * unseen_share(row.answers, row.optima)
+    assert row.best == pytest.approx(float(page.value), abs=1e-9)
+    assert row.above == row.best - row.value > 1e-3
+    assert float(better.value) == pytest.approx(float(page.value), abs=1e-9)
+    assert better.history[-1]["found"]["by"] == "me"
+    assert better.found.statement.startswith("second search")
+    # Only starts at the best count, and a value that is on record is not written again.
+    again, nothing = searched(page, least=6, seed=0)
+    assert nothing is None
+    assert again.reached == row.reached < row.starts
+
+
+def test_answers_that_are_not_of_the_entry_do_not_count(monkeypatch):
+    page = page_of(entry("free-mean_2x7_k3"))
+    monkeypatch.setattr("results.second_search.second_search.LIMIT_SECONDS", 0.0)
+    monkeypatch.setattr(SmoothedSearch, "answer", lambda *_: 2 * page.jacobian)
+    row, better = searched(page, least=4, seed=0)
+    assert (row.starts, row.answers, row.optima, row.reached) == (4, 0, 0, 0)
+    assert row.unseen_percent == 100
+    assert not row.settled
+    assert better is None
+
+
+def test_lever_arms_of_an_isotropic_jacobian_are_known_beside_prismatic_joints_only():
+    for joints in (
+        "unit-revolute:3,lever-revolute:4,prismatic:1",
+        "lever-revolute:3,prismatic:4",
+    ):
+        with pytest.raises(InputError, match="one kind and fewer, or slower"):
+            Columns.of(models.arm(joints), isotropic=True)
+    # Never more than the joints allow, though then no Jacobian is isotropic.
+    for joints, total in (("lever-revolute:8", 8), ("lever-revolute(length=0.5):8", 2)):
+        columns = Columns.of(models.arm(joints), isotropic=True)
+        jacobian = columns.jacobian(columns.sample(np.random.default_rng(0)))
+        assert np.sum(jacobian[:3] ** 2) == pytest.approx(total)
