@@ -1,7 +1,7 @@
 """The second search: its columns, slopes and stopping rule, and values that are known."""
 
 from dataclasses import replace
-from itertools import count
+from itertools import count, cycle
 
 import numpy as np
 import pytest
@@ -81,11 +81,16 @@ def test_known_optima_are_found():
         assert worst_case_sigma(found) == pytest.approx(np.sqrt((joints - 2) / 2), abs=1e-9)
 
 
-def test_an_isotropic_answer_is_isotropic():
-    search = SmoothedSearch.of(entry("free-mean_3x5_k2_isotropy"))
-    found = search.answer(np.random.default_rng(0))
-    gram = found @ found.T
-    assert gram == pytest.approx(np.trace(gram) / 3 * np.eye(3), abs=1e-12)
+@pytest.mark.parametrize(
+    "name", ["free-mean_3x5_k2_isotropy", "lever-revolute_6x7_k1_isotropy"]
+)
+def test_an_isotropic_answer_is_isotropic(name):
+    search = SmoothedSearch.of(entry(name))
+    for seed in range(3):
+        found = search.answer(np.random.default_rng(seed))
+        gram = found @ found.T
+        even = np.trace(gram) / len(gram) * np.eye(len(gram))
+        assert gram == pytest.approx(even, abs=1e-12)
 
 
 def test_the_rule_asks_for_more_starts_where_there_are_more_optima():
@@ -146,6 +151,15 @@ def test_answers_that_are_not_of_the_entry_do_not_count(monkeypatch):
     assert row.unseen_percent == 100
     assert not row.settled
     assert better is None
+
+
+def test_the_rule_is_on_answers_not_on_starts(monkeypatch):
+    page = page_of(entry("free-mean_2x7_k3"))
+    answers = cycle([page.jacobian, 2 * page.jacobian])
+    monkeypatch.setattr(SmoothedSearch, "answer", lambda *_: next(answers))
+    row, _ = searched(page, least=4, seed=0)
+    # (N − 1)/(N − 3) < 1 + ½: N > 7.
+    assert (row.starts, row.answers) == (15, 8)
 
 
 def test_lever_arms_of_an_isotropic_jacobian_are_known_beside_prismatic_joints_only():
