@@ -47,7 +47,7 @@ from lockedjoint.nlp.arrays import FloatArray
 #: The file that is written.
 CERTIFICATE = Path(__file__).parent / "certificates" / "isotropic_levers.json"
 #: Limit of lever arms that it claims to be impossible.
-LIMIT = Fraction(2, 25)
+LIMIT = Fraction(9, 100)
 #: Radius of the balls.
 RADIUS = 0.25
 #: Distance within which a centre has each random sample, at first.
