@@ -180,7 +180,7 @@ STUDY = study_of(
     compute,
     SecondSearchRow,
     title="open and conjectured entries, searched by a second method",
-    takes="two hours",
+    takes="an hour",
     long=True,
 )
 
