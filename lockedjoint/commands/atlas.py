@@ -96,7 +96,7 @@ def verify(
         Names that `atlas` lists; by default all entries.
     bounds
         Prove every bound anew, too, with the certificates in this folder, such as
-        results/bounds/certificates; takes some three hours of processor time.
+        results/bounds/certificates; takes some four hours of processor time.
     """
     from lockedjoint.formulations.atlas.collection import (
         atlas,

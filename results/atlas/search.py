@@ -4,11 +4,11 @@
 
 Where several joints lock many local optima are near the best. `hops` moves the best known
 Jacobian a little, or draws one to three of its joints anew, and climbs by the last step of the
-second search (`results.second_search.smoothed`); it is for all entries. `symmetric` begins with
-Jacobians that a map of finite order carries into themselves: they have few variables, and few
-distinct failures. Where such an optimum comes near the best known, the symmetry is dropped. It
-climbs by `lockedjoint.formulations.solving.polish`, and is for max-min with the models
-free-mean and unit-revolute.
+second search (`results.second_search.smoothed`). It is for every entry that has a Jacobian.
+`symmetric` begins with Jacobians that a map of finite order carries into themselves: they have
+few variables, and few distinct failures. Where such an optimum comes near the best known, the
+symmetry is dropped. It climbs by `lockedjoint.formulations.solving.polish`, and is for max-min
+with the models free-mean and unit-revolute.
 
 Their starts say nothing on how many random starts reach a value, so that they do not count as
 such. They run in one process.

@@ -119,7 +119,7 @@ STUDY = study_of(
     title="how good any answer could be: global bounds on residual, max-min and isotropy",
     page="README.md",
     tables={"bounds": BoundRow},
-    takes="two hours, and 4 GB of memory",
+    takes="three hours, and 4 GB of memory",
     long=True,
     settings={"of_quantity": of_quantity},
 )

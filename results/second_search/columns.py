@@ -7,13 +7,14 @@ formula of free vectors a, b in R³ (free columns: a in Rᵐ), with ω = b/|b| a
     free-mean           a                            J times a factor, for the mean of ‖j‖²
     unit revolute       (a⊥/|a⊥|; ω)
     lever, mean budget  (a⊥; ω)                      a⊥ times a factor, for the mean of |v|²
-    lever, each         (2ℓa⊥/(1 + |a⊥|²) + cω; ω)   |v| ≤ ℓ, with equality at |a⊥| = 1
+    lever, each         (2ℓa⊥/(1 + |a⊥|²) + cω; ω)   lever arm ≤ ℓ, equal at |a⊥| = 1
     prismatic           (a/|a|; 0)                   times its speed
 
-A mean square is exactly the one that the joints allow, as no level falls when columns (or all
-their upper rows) are scaled up: JJᵀ grows. For a condition number the factor does not count.
-An isotropic J has equal traces of its upper and its lower three rows: beside r revolute joints
-the lever arms' mean square is smaller where prismatic joints have a part of the trace r.
+Here ℓ is the length of a lever arm, and c the pitch. A mean square is exactly the one that the
+joints allow, as no singular value falls when columns (or all their upper rows) are scaled up:
+JJᵀ grows. The condition number of free columns does not depend on the factor. The upper and the
+lower three rows of an isotropic J have equal traces, r for r revolute joints. Prismatic columns
+take a part of the upper one, so the lever arms get less.
 """
 
 from collections.abc import Sequence

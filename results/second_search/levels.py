@@ -99,7 +99,7 @@ class Levels:
 
 
 def smoothed_least(values: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Return the slopes of each row's smoothed least, (rows, p), and it, (rows,).
+    """Return the slopes of each row's smoothed least, (rows, p), and its value, (rows,).
 
     `values` have the shape (rows, p). With width 0 it is the least itself.
     """

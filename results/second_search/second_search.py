@@ -46,7 +46,7 @@ class SecondSearchRow:
     have no answer: only `answers` count for the rule. `optima` counts their different values,
     to 1e-6, and `unseen_percent` is how often a further answer is expected to have another one.
     The rule held for entries that are `settled`. `first` and `first_starts` are the numbers of
-    the first search, as the atlas has them.
+    random starts that the atlas has on record for its value.
     """
 
     entry: str
