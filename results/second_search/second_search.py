@@ -82,11 +82,11 @@ def unseen_share(starts: int, optima: int) -> float:
     """Return the expected share of starts that end at an optimum not yet seen.
 
     With w optima seen in N starts it is w(w + 1)/(N(N − 1)), under the same prior; it is 1
-    where nothing is known.
+    where nothing is known, as where every start ended at another optimum.
     """
     if starts < 2 or optima == 0:
         return 1.0
-    return optima * (optima + 1) / (starts * (starts - 1))
+    return min(1.0, optima * (optima + 1) / (starts * (starts - 1)))
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[SecondSearchRow]:

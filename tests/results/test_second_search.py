@@ -113,6 +113,7 @@ def test_prismatic_columns_leave_less_to_the_lever_arms_of_an_isotropic_answer()
 
 def test_the_unseen_share_is_that_of_the_prior():
     assert unseen_share(starts=1, optima=1) == unseen_share(starts=20, optima=0) == 1
+    assert unseen_share(starts=20, optima=20) == 1
     assert unseen_share(starts=200, optima=19) == pytest.approx(380 / 39800)
 
 
