@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import select
 import sys
 from collections import defaultdict
 from contextlib import ExitStack
@@ -225,8 +226,7 @@ def test_a_terminal_without_a_size_has_a_bar():
     # A terminal of a container can say that it has 0 lines.
     pty = pytest.importorskip("pty")
     controller, terminal = pty.openpty()
-    os.set_blocking(controller, False)
-    bar = Bar()
+    bar, shown = Bar(), ""
     with (
         os.fdopen(terminal, "w") as stream,
         patch.object(sys, "stderr", stream),
@@ -234,7 +234,9 @@ def test_a_terminal_without_a_size_has_a_bar():
     ):
         bar(Step("polish", 0.5))
         stream.flush()
-        shown = os.read(controller, 4096).decode()
+        # What is written arrives in parts.
+        while " 50 %|" not in shown and select.select([controller], [], [], 5.0)[0]:
+            shown += os.read(controller, 4096).decode(errors="replace")
         bar.close()
     os.close(controller)
     assert " 50 %|" in shown
