@@ -32,10 +32,12 @@ _WIDEST = 0.1
 _NARROWEST = 1e-4
 _LEAST_WIDTH = 4e-3
 _STEP = 5.0
-# Iterations of L-BFGS for each width, the relative change of the loss at which it ends, and the
-# slope at which it ends. SLSQP goes on from there: it is faster near the top.
+# Iterations of L-BFGS for each width, at most. SLSQP goes on from there: it is faster near the
+# top.
 _ITERATIONS = 100
+# Relative change of the loss below which L-BFGS ends.
 _LEAST_CHANGE = 1e-5
+# Largest slope of the loss below which L-BFGS ends.
 _LEAST_SLOPE = 1e-4
 # Draws for each start, of which the one with the best smoothed level begins.
 _DRAWS = 4
