@@ -42,18 +42,11 @@ from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.nlp.arrays import FloatArray, real_number
 from lockedjoint.nlp.errors import InputError, LockedJointError, one_of
 from results.atlas.symmetric_arm import SymmetricArm
-from results.second_search.columns import Columns
+from results.second_search.hops import moved
 from results.second_search.smoothed import SmoothedSearch
 
 SEARCHES = ("hops", "symmetric")
 _MODELS = ("free-mean", "unit-revolute")
-# Probability that a hop moves all joints a little; otherwise it draws some of them anew.
-_SMALL_MOVE = 0.6
-# Range of the decimal logarithm of a small move's standard deviation.
-_SMALLEST_MOVE_LOG10 = -2.0
-_LARGEST_MOVE_LOG10 = -0.3
-# Largest number of joints that a hop draws anew.
-_MOST_REDRAWN = 3
 # Share of the best known σ from which a symmetric optimum goes on without its symmetry.
 _NEAR_BEST = 0.95
 # Standard deviation of the move when the symmetry is dropped: nothing leaves a saddle by
@@ -98,7 +91,7 @@ def _hops(smoothed: SmoothedSearch, page: EntryPage | None, seed: int) -> SeedRe
     for number in range(STARTS):
         start = columns.point(best)
         if number:  # the first start is the best itself: for its last digits
-            start = _moved(start, columns, np.random.default_rng((seed, number)))
+            start = moved(start, columns, np.random.default_rng((seed, number)))
         jacobian = columns.jacobian(smoothed.polished(start))
         if asked.holds(jacobian) and asked.score(jacobian) > value:
             best, value = jacobian, asked.score(jacobian)
@@ -139,20 +132,6 @@ def climbed(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatAr
     jacobian = arm.jacobian(point)
     size = np.sqrt(asked.arm.largest_trace / trace(jacobian)) if scaled else 1.0
     return np.asarray(size * jacobian)
-
-
-def _moved(best: FloatArray, columns: Columns, rng: np.random.Generator) -> FloatArray:
-    """Return variables near the best, or with some joints drawn anew."""
-    moved = best.copy()
-    if rng.random() < _SMALL_MOVE:
-        size = 10.0 ** rng.uniform(_SMALLEST_MOVE_LOG10, _LARGEST_MOVE_LOG10)
-        return np.asarray(moved + size * rng.normal(size=best.size))
-    count = rng.integers(1, _MOST_REDRAWN + 1)
-    fresh = columns.parts(columns.sample(rng))
-    parts = columns.parts(moved)
-    for joint in rng.choice(len(parts), count, replace=False):
-        parts[joint][:] = fresh[joint]
-    return moved
 
 
 def _found(

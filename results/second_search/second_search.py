@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from time import process_time
+from typing import Protocol
 
 import numpy as np
 
@@ -24,13 +25,12 @@ from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.executors import LocalExecutor, in_groups
 from results.script import main, study_of
 from results.second_search.smoothed import SmoothedSearch
+from results.second_search.stopping import different, least_starts, settled, unseen_share
 
 #: Least number of random starts of an entry.
 LEAST_STARTS = 20
 #: Processor time in seconds after which an entry gets no further start.
 LIMIT_SECONDS = 75.0
-#: Number of starts that must reach the best before the rule can hold.
-OFTEN = 5
 # The folder of pages that are better than those on record.
 _BETTER = "better"
 # First number of the seeds of this search: the atlas's own are 0, 1, …, and make other draws.
@@ -67,26 +67,15 @@ class SecondSearchRow:
     cpu_seconds: float = field(metadata=column("CPU (s)", ".1f"))
 
 
-def settled(starts: int, optima: int, reached: int) -> bool:
-    """Whether enough starts were made: Boender and Rinnooy Kan's rule, and `OFTEN` at the best.
+class Search(Protocol):
+    """A search that leads from random numbers to a Jacobian."""
 
-    With w optima seen in N starts the expected number of optima is w(N − 1)/(N − w − 2); the
-    rule holds when that is below w + ½.
-    """
-    if reached < OFTEN or starts - optima <= 2:
-        return False
-    return optima * (starts - 1) / (starts - optima - 2) < optima + 0.5
+    @property
+    def statement(self) -> str:
+        """What the page of a Jacobian says of how it was found."""
 
-
-def unseen_share(starts: int, optima: int) -> float:
-    """Return the expected share of starts that end at an optimum not yet seen.
-
-    With w optima seen in N starts it is w(w + 1)/(N(N − 1)), under the same prior; it is 1
-    where nothing is known, as where every start ended at another optimum.
-    """
-    if starts < 2 or optima == 0:
-        return 1.0
-    return min(1.0, optima * (optima + 1) / (starts * (starts - 1)))
+    def answer(self, rng: np.random.Generator) -> FloatArray:
+        """Return the Jacobian that one start leads to, (m, n)."""
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[SecondSearchRow]:
@@ -96,27 +85,49 @@ def compute(effort: Effort, folder: Path) -> Iterator[SecondSearchRow]:
     calls = [(page, least, effort.seed) for page in pages]
     with LocalExecutor(effort.workers) as executor:
         for row, better in in_groups(searched, calls, executor, effort.progress, "entries"):
-            if better is not None:
-                prepare_folder(folder / _BETTER)
-                write_page(better, folder / _BETTER)
+            keep(better, folder)
             yield row
+
+
+def keep(better: EntryPage | None, folder: Path) -> None:
+    """Write the page of a better Jacobian, if there is one, to ``better/`` in a folder."""
+    if better is not None:
+        prepare_folder(folder / _BETTER)
+        write_page(better, folder / _BETTER)
 
 
 def searched(
     page: EntryPage, least: int, seed: int
 ) -> tuple[SecondSearchRow, EntryPage | None]:
     """Return the row of an entry, and its page if a better Jacobian was found."""
+    return from_starts(page, SmoothedSearch.of(page.entry), least, seed, LIMIT_SECONDS)
+
+
+def from_starts(
+    page: EntryPage,
+    search: Search,
+    least: int,
+    seed: int,
+    limit_seconds: float,
+    most: int | None = None,
+) -> tuple[SecondSearchRow, EntryPage | None]:
+    """Start a search again and again until the rule holds; return the row, and a better page.
+
+    There are at least `least` starts. After them it ends if the processor time is spent, and
+    as soon as the optima seen ask for more than `most` starts.
+    """
     asked, value = page.entry, float(page.value)
-    search = SmoothedSearch.of(asked)
     scores: list[float] = []
     best: FloatArray | None = None
     starts, begun = 0, process_time()
     while True:
         number = sum(score > max([value, *scores]) - REACHED_BEST for score in scores)
-        different = _different(scores)
-        held = starts >= least and settled(len(scores), different, number)
+        optima = different(scores)
+        held = starts >= least and settled(len(scores), optima, number)
         spent = process_time() - begun
-        if held or (starts >= least and spent > LIMIT_SECONDS):
+        if held or (starts >= least and spent > limit_seconds):
+            break
+        if most is not None and max(starts, least_starts(optima)) > most:
             break
         jacobian = search.answer(np.random.default_rng((_STREAM, seed, starts)))
         starts += 1
@@ -138,8 +149,8 @@ def searched(
         reached=number,
         starts=starts,
         answers=len(scores),
-        optima=different,
-        unseen_percent=100 * unseen_share(len(scores), different),
+        optima=optima,
+        unseen_percent=100 * unseen_share(len(scores), optima),
         settled=held,
         first=page.found.reached_best,
         first_starts=page.found.starts,
@@ -147,18 +158,18 @@ def searched(
     )
     if best is None or highest < value + RESOLUTION:
         return row, None
-    return row, _better_page(page, best, starts, number)
+    return row, _better_page(page, best, search.statement, starts, number)
 
 
 def _better_page(
-    page: EntryPage, best: FloatArray, starts: int, reached: int
+    page: EntryPage, best: FloatArray, statement: str, starts: int, reached: int
 ) -> EntryPage | None:
     """Return the page of a better Jacobian; None if its proved value is no improvement."""
     versions = provenance()
     found = Found(
         by="lockedjoint",
         date=date.today().isoformat(),
-        statement="second search: smoothed by L-BFGS, polished by SLSQP",
+        statement=statement,
         seeds=page.found.seeds,
         starts=starts,
         reached_best=reached,
@@ -167,12 +178,6 @@ def _better_page(
     )
     better = improved(page.entry, best, found, page)
     return better if better.value != page.value else None
-
-
-def _different(scores: list[float]) -> int:
-    """Return the number of different scores, to `REACHED_BEST`."""
-    ordered = np.sort(scores)
-    return int(np.sum(np.diff(ordered) > REACHED_BEST)) + bool(scores)
 
 
 STUDY = study_of(

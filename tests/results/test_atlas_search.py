@@ -16,8 +16,9 @@ from lockedjoint.formulations.measures import remaining_singular_values
 from lockedjoint.formulations.solving.polish import polish
 from lockedjoint.nlp.errors import InputError
 from lockedjoint.nlp.solver import Solver
-from results.atlas.search import _moved, main, search
+from results.atlas.search import main, search
 from results.atlas.symmetric_arm import SymmetricArm
+from results.second_search.hops import moved
 from results.second_search.smoothed import SmoothedSearch
 
 SIZES = st.sampled_from([("free-mean", 2, 7), ("free-mean", 3, 8), ("unit-revolute", 6, 9)])
@@ -131,11 +132,11 @@ def test_a_hop_moves_all_joints_or_draws_some_anew():
     best = columns.sample(np.random.default_rng(0))
     all_moved, drawn_anew = 0, set()
     for seed in range(100):
-        moved = _moved(best, columns, np.random.default_rng(seed)) - best
-        joints = np.abs(moved.reshape(9, 6)).max(axis=1)
+        change = moved(best, columns, np.random.default_rng(seed)) - best
+        joints = np.abs(change.reshape(9, 6)).max(axis=1)
         if np.all(joints > 0):
             all_moved += 1
-            assert 1e-3 < np.std(moved) < 1
+            assert 1e-3 < np.std(change) < 1
         else:
             drawn_anew.add(np.count_nonzero(joints))
     assert 40 < all_moved < 80

@@ -12,8 +12,9 @@ from lockedjoint.formulations.joints import models
 from lockedjoint.formulations.measures import worst_case_sigma
 from lockedjoint.nlp.errors import InputError
 from results.second_search.columns import Columns
-from results.second_search.second_search import searched, settled, unseen_share
+from results.second_search.second_search import searched
 from results.second_search.smoothed import SmoothedSearch
+from results.second_search.stopping import OFTEN, least_starts, settled, unseen_share
 
 # Step of finite differences, and how far they may be from slopes of size one.
 STEP = 1e-6
@@ -175,3 +176,17 @@ def test_lever_arms_of_an_isotropic_jacobian_are_known_beside_prismatic_joints_o
         columns = Columns.of(models.arm(joints), isotropic=True)
         jacobian = columns.jacobian(columns.sample(np.random.default_rng(0)))
         assert np.sum(jacobian[:3] ** 2) == pytest.approx(total)
+
+
+def test_the_rule_needs_a_number_of_starts_that_grows_with_the_square_of_the_optima():
+    # The least N with w(N − 1)/(N − w − 2) < w + ½, by trying.
+    for optima in range(1, 12):
+        least = next(
+            starts
+            for starts in count(optima + 3)
+            if optima * (starts - 1) / (starts - optima - 2) < optima + 0.5
+        )
+        assert least_starts(optima) == least
+        assert settled(least, optima, OFTEN)
+        assert not settled(least - 1, optima, OFTEN)
+        assert not settled(least, optima, OFTEN - 1)
