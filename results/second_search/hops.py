@@ -22,6 +22,8 @@ _SMALLEST_MOVE_LOG10 = -2.0
 _LARGEST_MOVE_LOG10 = -0.3
 # Largest number of joints that a hop draws anew.
 _MOST_REDRAWN = 3
+# Difference of levels, in logarithms, from which a hop that is polished once is given up.
+_FAR_BELOW = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,8 @@ class BasinHopping:
         """Return the Jacobian at which a climb from near another one ends, both (m, n)."""
         columns = self.smoothed.columns
         start = moved(columns.point(jacobian), columns, rng)
-        return columns.jacobian(self.smoothed.polished(start))
+        enough = self.smoothed.levels.least(jacobian) - _FAR_BELOW
+        return columns.jacobian(self.smoothed.polished(start, enough))
 
 
 def moved(point: FloatArray, columns: Columns, rng: np.random.Generator) -> FloatArray:

@@ -52,7 +52,7 @@ class Levels:
 
     def values(self, jacobian: FloatArray) -> FloatArray:
         """Return ℓ_F, shape (sets,)."""
-        return self._with_weights(jacobian, 0.0)[0]
+        return self.with_weights(jacobian)[0]
 
     def least(self, jacobian: FloatArray) -> float:
         """Return the least ℓ_F."""
@@ -60,7 +60,10 @@ class Levels:
 
     def slopes(self, jacobian: FloatArray) -> FloatArray:
         """Return ∂ℓ_F/∂J, shape (sets, m·n), J's entries column after column."""
-        _, by_gram = self._with_weights(jacobian, 0.0)
+        return self.slopes_of(jacobian, self.with_weights(jacobian)[1])
+
+    def slopes_of(self, jacobian: FloatArray, by_gram: FloatArray) -> FloatArray:
+        """Return ∂ℓ_F/∂J as `slopes` does, from what `with_weights` returned for J."""
         change = 2 * self.kept[:, :, None] * (by_gram @ jacobian).transpose(0, 2, 1)
         if self.formulation == manipulability.NAME:
             change -= np.linalg.solve(jacobian @ jacobian.T, jacobian).T
@@ -69,7 +72,7 @@ class Levels:
     def smoothed(self, jacobian: FloatArray, width: float) -> tuple[float, FloatArray]:
         """Return the smoothed least level, and its slopes by J, shape (m, n)."""
         m, n = jacobian.shape
-        values, by_gram = self._with_weights(jacobian, width)
+        values, by_gram = self.with_weights(jacobian, width)
         shares, least = smoothed_least(values[None, :], width)
         # Column j has slopes from all sets that leave it: Σ_F share_F ∂ℓ_F/∂M_F, (n, m, m).
         by_joint = (shares.T * self.kept).T @ by_gram.reshape(-1, m * m)
@@ -78,8 +81,8 @@ class Levels:
             change -= np.linalg.solve(jacobian @ jacobian.T, jacobian)
         return float(least[0]), np.asarray(change)
 
-    def _with_weights(
-        self, jacobian: FloatArray, width: float
+    def with_weights(
+        self, jacobian: FloatArray, width: float = 0.0
     ) -> tuple[FloatArray, FloatArray]:
         """Return ℓ_F, (sets,), and ∂ℓ_F/∂M_F, (sets, m, m), without the part of det JJᵀ."""
         left = self.kept[:, None, :] * jacobian

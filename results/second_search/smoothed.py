@@ -13,6 +13,7 @@ Lagrangian, ⟨Y + pE, E⟩ with multipliers Y and a penalty p, and polished und
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import minimize
@@ -128,22 +129,24 @@ class SmoothedSearch:
         )
         return np.asarray(answer.x)
 
-    def polished(self, point: FloatArray) -> FloatArray:
+    def polished(self, point: FloatArray, enough: float = -np.inf) -> FloatArray:
         """Return the variables at which SLSQP ends, again and again as long as they are better.
 
         They have the shape (size,). Where J has to be isotropic a level may fall: a start from
-        E ≠ 0 may be too good.
+        E ≠ 0 may be too good. It ends early if the levels that a polish was for are not
+        `enough` after it.
         """
         best = point
         for _ in range(_POLISHES):
             jacobian = self.columns.jacobian(best)
             chosen = self.levels.lowest(jacobian, _SETS_PER_VARIABLE * best.size)
             better = self._polished_once(best, chosen)
-            gain = self.levels.least(self.columns.jacobian(better)) - self.levels.least(
-                jacobian
-            )
+            reached = self.columns.jacobian(better)
+            gain = self.levels.least(reached) - self.levels.least(jacobian)
             if gain > 0 or self.isotropic:
                 best = better
+            if chosen.least(reached) < enough:
+                break
             if gain < _GAIN and not (self.isotropic and gain < -_GAIN):
                 break
         return self._evened(best) if self.isotropic else best
@@ -161,12 +164,17 @@ class SmoothedSearch:
         """Return the variables at which SLSQP ends with some of the levels."""
         columns = self.columns
 
+        @lru_cache(maxsize=1)  # SLSQP asks for slopes where it has just asked for values
+        def levels_at(variables: bytes) -> tuple[FloatArray, FloatArray]:
+            return chosen.with_weights(columns.jacobian(np.frombuffer(variables)))
+
         def above(unknowns: FloatArray) -> FloatArray:
-            return np.asarray(chosen.values(columns.jacobian(unknowns[:-1])) - unknowns[-1])
+            return np.asarray(levels_at(unknowns[:-1].tobytes())[0] - unknowns[-1])
 
         def above_slopes(unknowns: FloatArray) -> FloatArray:
             jacobian, by_point = columns.with_slopes(unknowns[:-1])
-            change = chosen.slopes(jacobian) @ by_point
+            by_gram = levels_at(unknowns[:-1].tobytes())[1]
+            change = chosen.slopes_of(jacobian, by_gram) @ by_point
             return np.hstack([change, -np.ones((len(change), 1))])
 
         constraints: Sequence[dict[str, object]]
