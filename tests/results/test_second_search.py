@@ -190,3 +190,30 @@ def test_the_rule_needs_a_number_of_starts_that_grows_with_the_square_of_the_opt
         assert settled(least, optima, OFTEN)
         assert not settled(least - 1, optima, OFTEN)
         assert not settled(least, optima, OFTEN - 1)
+
+
+def test_a_polish_that_does_not_reach_enough_is_the_only_one(monkeypatch):
+    # So few sets that after the first polish others have lower levels.
+    monkeypatch.setattr("results.second_search.smoothed._SETS_PER_VARIABLE", 2)
+    search = SmoothedSearch.of(entry("free-mean_3x9_k3"))
+    point = search.columns.sample(np.random.default_rng(1))
+    once = SmoothedSearch._polished_once
+    polishes = []
+
+    def counted(self, begin, chosen):
+        end = once(self, begin, chosen)
+        jacobian = self.columns.jacobian(end)
+        polishes.append((chosen.least(jacobian), search.levels.least(jacobian)))
+        return end
+
+    monkeypatch.setattr(SmoothedSearch, "_polished_once", counted)
+    whole = search.polished(point)
+    (chosen, every), number = polishes[0], len(polishes)
+    assert number > 1
+    assert every < chosen - 1e-3
+    # The levels that the polish was for count: the others rise later.
+    for enough, expected in ((chosen + 1e-6, 1), (chosen - 1e-6, number)):
+        polishes.clear()
+        end = search.polished(point, enough)
+        assert len(polishes) == expected
+        assert np.array_equal(end, whole) == (expected == number)
