@@ -4,46 +4,52 @@ The entries are those of ``results/second_search`` for which its stopping rule d
 Here a start goes on by hops, moves to better optima nearby, until a number of them in a row,
 the patience, brings no gain. So starts end at few optima, and the rule needs few starts.
 
-The first patience is small. Where the optima seen ask for more than `MOST_STARTS` starts, the
-entry begins anew with a larger one, until its processor time is spent.
+The first patience is small. The next one is larger, with other random numbers. It begins where
+the rule would need more than `MOST_STARTS` starts by the optima seen, or did not hold after so
+many, as where fewer than five are at the best. An entry ends when the rule holds, or when its
+processor time is spent.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from lockedjoint.formulations.atlas.collection import read_atlas
 from lockedjoint.formulations.atlas.entry import EntryPage
 from lockedjoint.formulations.io.table import HIDDEN, column, row_from
 from lockedjoint.formulations.solving.effort import Effort
+from lockedjoint.nlp.errors import FileError
 from lockedjoint.nlp.executors import LocalExecutor, in_groups
 from results.script import main, study_of
 from results.second_search import second_search
 from results.second_search.hops import BasinHopping
-from results.second_search.second_search import from_starts, keep
+from results.second_search.second_search import better_page, keep
 from results.second_search.smoothed import SmoothedSearch
+from results.second_search.tally import Limits, Tally, tally
 
 #: Least number of starts with one patience. The rule itself asks for eight.
 LEAST_STARTS = 1
 #: Number of starts with one patience, at most.
 MOST_STARTS = 70
-#: The first patience, and its factor from one to the next.
+#: The first patience.
 PATIENCE = 20
+#: Factor from one patience to the next.
 GROWTH = 4
 #: Processor time in seconds after which an entry gets no further start.
 LIMIT_SECONDS = 1200.0
 # The folder of the second search's table.
 _SECOND_SEARCH = Path(second_search.__file__).parent
+# First number of the seeds: that of the second search makes other draws.
+_STREAM = 1997
 
 
 @dataclass(frozen=True)
 class BasinHoppingRow:
-    """One entry: the columns of ``basin_hopping.csv``.
+    """One entry with one patience: a line of ``basin_hopping.csv``.
 
-    The columns are those of the second search, with the `patience` of these starts. The
-    processor time is that of the smaller patiences, too.
+    `value` is what the atlas has, `best` what the starts with this patience found, `above` is
+    best − value. A start `reached` the best known if it is within 1e-6 of it, or of what this
+    search found before. The other columns are as in `SecondSearchRow`.
     """
 
     entry: str
@@ -51,11 +57,12 @@ class BasinHoppingRow:
     failures: int = field(metadata=HIDDEN)
     mark: str
     value: float = field(metadata=column("value", ".9f"))
+    patience: int
     best: float = field(metadata=column("basin hopping", ".9f"))
     above: float = field(metadata=column("above", ".1e"))
-    patience: int
     reached: int
     starts: int
+    answers: int
     optima: int
     unseen_percent: float = field(metadata=column("unseen %", ".2f"))
     settled: bool
@@ -63,49 +70,70 @@ class BasinHoppingRow:
 
 
 def compute(effort: Effort, folder: Path) -> Iterator[BasinHoppingRow]:
-    """Yield a row for each entry that is not settled, in the order in which they end."""
+    """Yield the rows of each entry that is not settled, in the order in which they end.
+
+    FileError if the second search has no table.
+    """
     before = second_search.STUDY.read(_SECOND_SEARCH)[second_search.STUDY.name]
+    if not before:
+        raise FileError("table", str(_SECOND_SEARCH), "a folder with the second search's table")
     unsettled = {row.entry for row in before if not row.settled}
     pages = [page for page in read_atlas() if page.entry.name in unsettled]
     least = effort.starts or LEAST_STARTS
     calls = [(page, least, effort.seed) for page in pages]
     with LocalExecutor(effort.workers) as executor:
-        for row, better in in_groups(searched, calls, executor, effort.progress, "entries"):
-            for page in better:
-                keep(page, folder)
-            yield row
+        for rows, better in in_groups(searched, calls, executor, effort.progress, "entries"):
+            keep(better, folder)
+            yield from rows
 
 
-def searched(page: EntryPage, least: int, seed: int) -> tuple[BasinHoppingRow, list[EntryPage]]:
-    """Return the row of an entry, and a page for each patience that found a better Jacobian."""
+def searched(
+    page: EntryPage, least: int, seed: int
+) -> tuple[list[BasinHoppingRow], EntryPage | None]:
+    """Return the rows of an entry, and its page if a better Jacobian was found."""
     smoothed = SmoothedSearch.of(page.entry)
-    patience, spent = PATIENCE, 0.0
-    highest = float("nan")
-    known, better = page, []
+    known, spent, patience = float(page.value), 0.0, PATIENCE
+    rows: list[BasinHoppingRow] = []
+    highest: Tally | None = None
     while True:
+        limits = Limits(least, LIMIT_SECONDS - spent, max(MOST_STARTS, least))
         search = BasinHopping(page.entry, smoothed, patience)
-        left = LIMIT_SECONDS - spent
-        row, found = from_starts(known, search, least, seed, left, MOST_STARTS)
-        spent += row.cpu_seconds
-        highest = float(np.fmax(highest, row.best))
-        if found is not None:
-            better.append(found)
-            known = found
-        if row.settled or spent > LIMIT_SECONDS:
+        seeds = (_STREAM, seed, patience)
+        done = tally(page.entry, search, seeds, limits, known)
+        rows.append(_row(page, patience, done))
+        if done.best > known:
+            known, highest = done.best, done
+        spent += done.cpu_seconds
+        if done.settled or spent > LIMIT_SECONDS:
             break
         patience *= GROWTH
+    if highest is None:
+        return rows, None
+    # Random starts on record are of other searches: these ones do not count as such.
+    statement = "second search, with basin hopping"
+    return rows, better_page(page, highest.jacobian, statement, page.found.starts, 0)
+
+
+def _row(page: EntryPage, patience: int, done: Tally) -> BasinHoppingRow:
     value = float(page.value)
-    of_all = {"best": highest, "above": highest - value, "cpu_seconds": spent}
-    whole = row_from(BasinHoppingRow, row, value=value, patience=patience, **of_all)
-    return whole, better
+    return row_from(
+        BasinHoppingRow,
+        done,
+        page.entry,
+        page,
+        entry=page.entry.name,
+        value=value,
+        patience=patience,
+        above=done.best - value,
+    )
 
 
 STUDY = study_of(
     __file__,
     compute,
     BasinHoppingRow,
-    title="entries at which the second search did not settle, by basin hopping",
-    takes="an hour",
+    title="entries at which the second search did not settle, searched by basin hopping",
+    takes="two hours",
     long=True,
 )
 

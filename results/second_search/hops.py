@@ -22,13 +22,13 @@ _SMALLEST_MOVE_LOG10 = -2.0
 _LARGEST_MOVE_LOG10 = -0.3
 # Largest number of joints that a hop draws anew.
 _MOST_REDRAWN = 3
-# Difference of levels, in logarithms, from which a hop that is polished once is given up.
+# Difference of levels, in logarithms: a hop that is so far below after a polish is given up.
 _FAR_BELOW = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class BasinHopping:
-    """The second search of an entry, whose starts go on by hops as long as they gain.
+    """The second search of an entry, whose starts go on by hops.
 
     Attributes
     ----------
@@ -37,17 +37,12 @@ class BasinHopping:
     smoothed
         Its second search.
     patience
-        Number of hops in a row without a gain of more than 1e-6 after which a start ends.
+        Number of hops in a row that each gain less than 1e-6, after which a start ends.
     """
 
     asked: Entry
     smoothed: SmoothedSearch
     patience: int
-
-    @property
-    def statement(self) -> str:
-        """What the page of a Jacobian says of how it was found."""
-        return f"{self.smoothed.statement}, basin hopping with a patience of {self.patience}"
 
     def answer(self, rng: np.random.Generator) -> FloatArray:
         """Return the Jacobian that one start leads to, (m, n).
@@ -67,11 +62,17 @@ class BasinHopping:
         return best
 
     def _hop(self, jacobian: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Return the Jacobian at which a climb from near another one ends, both (m, n)."""
+        """Return the Jacobian at which a climb from near another one ends, both (m, n).
+
+        It is the other one itself if numbers fail on the way, as where σ is 0.
+        """
         columns = self.smoothed.columns
         start = moved(columns.point(jacobian), columns, rng)
         enough = self.smoothed.levels.least(jacobian) - _FAR_BELOW
-        return columns.jacobian(self.smoothed.polished(start, enough))
+        try:
+            return columns.jacobian(self.smoothed.polished(start, enough))
+        except np.linalg.LinAlgError:
+            return jacobian
 
 
 def moved(point: FloatArray, columns: Columns, rng: np.random.Generator) -> FloatArray:

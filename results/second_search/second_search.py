@@ -1,31 +1,26 @@
 """Entries of the atlas searched again, by a second method from other starts.
 
 Entries that are proved optimal are left out. Each other one gets random starts until the
-stopping rule of `settled` holds, or its processor time is spent. A Jacobian that is better than
-the one on record is written to ``better/``, as a page of the atlas; ``lockedjoint atlas
---entries better verify`` proves its value.
+rule of `stopping` holds, or its processor time is spent. A Jacobian that is better than the one
+on record is written to ``better/``, as a page of the atlas: ``lockedjoint atlas --entries
+better verify`` proves its value.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
-from time import process_time
-from typing import Protocol
-
-import numpy as np
 
 from lockedjoint.formulations.atlas.collection import improved, read_atlas, write_page
 from lockedjoint.formulations.atlas.entry import RESOLUTION, EntryPage, Found
 from lockedjoint.formulations.io.files import prepare_folder
-from lockedjoint.formulations.io.table import HIDDEN, column, provenance
+from lockedjoint.formulations.io.table import HIDDEN, column, provenance, row_from
 from lockedjoint.formulations.solving.effort import Effort
-from lockedjoint.formulations.solving.outcome import REACHED_BEST
 from lockedjoint.nlp.arrays import FloatArray
 from lockedjoint.nlp.executors import LocalExecutor, in_groups
 from results.script import main, study_of
 from results.second_search.smoothed import SmoothedSearch
-from results.second_search.stopping import different, least_starts, settled, unseen_share
+from results.second_search.tally import Limits, tally
 
 #: Least number of random starts of an entry.
 LEAST_STARTS = 20
@@ -67,17 +62,6 @@ class SecondSearchRow:
     cpu_seconds: float = field(metadata=column("CPU (s)", ".1f"))
 
 
-class Search(Protocol):
-    """A search that leads from random numbers to a Jacobian."""
-
-    @property
-    def statement(self) -> str:
-        """What the page of a Jacobian says of how it was found."""
-
-    def answer(self, rng: np.random.Generator) -> FloatArray:
-        """Return the Jacobian that one start leads to, (m, n)."""
-
-
 def compute(effort: Effort, folder: Path) -> Iterator[SecondSearchRow]:
     """Yield a row for each entry that is not proved optimal, in the order in which they end."""
     pages = [page for page in read_atlas() if page.mark != "optimal"]
@@ -100,71 +84,30 @@ def searched(
     page: EntryPage, least: int, seed: int
 ) -> tuple[SecondSearchRow, EntryPage | None]:
     """Return the row of an entry, and its page if a better Jacobian was found."""
-    return from_starts(page, SmoothedSearch.of(page.entry), least, seed, LIMIT_SECONDS)
-
-
-def from_starts(
-    page: EntryPage,
-    search: Search,
-    least: int,
-    seed: int,
-    limit_seconds: float,
-    most: int | None = None,
-) -> tuple[SecondSearchRow, EntryPage | None]:
-    """Start a search again and again until the rule holds; return the row, and a better page.
-
-    There are at least `least` starts. After them it ends if the processor time is spent, and
-    as soon as the optima seen ask for more than `most` starts.
-    """
     asked, value = page.entry, float(page.value)
-    scores: list[float] = []
-    best: FloatArray | None = None
-    starts, begun = 0, process_time()
-    while True:
-        number = sum(score > max([value, *scores]) - REACHED_BEST for score in scores)
-        optima = different(scores)
-        held = starts >= least and settled(len(scores), optima, number)
-        spent = process_time() - begun
-        if held or (starts >= least and spent > limit_seconds):
-            break
-        if most is not None and max(starts, least_starts(optima)) > most:
-            break
-        jacobian = search.answer(np.random.default_rng((_STREAM, seed, starts)))
-        starts += 1
-        if not asked.holds(jacobian):
-            continue
-        score = asked.score(jacobian)
-        if score > max(scores, default=0.0):
-            best = jacobian
-        scores.append(score)
-    highest = max(scores, default=np.nan)
-    row = SecondSearchRow(
+    search = SmoothedSearch.of(asked)
+    done = tally(asked, search, (_STREAM, seed), Limits(least, LIMIT_SECONDS), value)
+    row = row_from(
+        SecondSearchRow,
+        done,
+        asked,
+        page,
         entry=asked.name,
-        formulation=asked.formulation,
-        failures=asked.failures,
-        mark=page.mark,
         value=value,
-        best=highest,
-        above=highest - value,
-        reached=number,
-        starts=starts,
-        answers=len(scores),
-        optima=optima,
-        unseen_percent=100 * unseen_share(len(scores), optima),
-        settled=held,
+        above=done.best - value,
         first=page.found.reached_best,
         first_starts=page.found.starts,
-        cpu_seconds=spent,
     )
-    if best is None or highest < value + RESOLUTION:
-        return row, None
-    return row, _better_page(page, best, search.statement, starts, number)
+    statement = "second search: smoothed by L-BFGS, polished by SLSQP"
+    return row, better_page(page, done.jacobian, statement, done.starts, done.reached)
 
 
-def _better_page(
-    page: EntryPage, best: FloatArray, statement: str, starts: int, reached: int
+def better_page(
+    page: EntryPage, jacobian: FloatArray | None, statement: str, starts: int, reached: int
 ) -> EntryPage | None:
-    """Return the page of a better Jacobian; None if its proved value is no improvement."""
+    """Return the page of a better Jacobian, (m, n); None if its value is no improvement."""
+    if jacobian is None or page.entry.score(jacobian) < float(page.value) + RESOLUTION:
+        return None
     versions = provenance()
     found = Found(
         by="lockedjoint",
@@ -176,7 +119,7 @@ def _better_page(
         versions=versions["versions"],
         machine=versions["machine"],
     )
-    better = improved(page.entry, best, found, page)
+    better = improved(page.entry, jacobian, found, page)
     return better if better.value != page.value else None
 
 

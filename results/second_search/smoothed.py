@@ -74,11 +74,6 @@ class SmoothedSearch:
         isotropic = entry.formulation == isotropy.NAME
         return cls(Levels.of(entry), Columns.of(entry.arm, isotropic), isotropic)
 
-    @property
-    def statement(self) -> str:
-        """What the page of a Jacobian says of how it was found."""
-        return "second search: smoothed by L-BFGS, polished by SLSQP"
-
     def answer(self, rng: np.random.Generator) -> FloatArray:
         """Return the Jacobian that one start leads to, (m, n).
 

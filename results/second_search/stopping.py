@@ -1,5 +1,7 @@
 """When an entry has enough random starts: a rule on the different values that they ended at."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lockedjoint.formulations.solving.outcome import REACHED_BEST
@@ -33,7 +35,7 @@ def unseen_share(starts: int, optima: int) -> float:
     return min(1.0, optima * (optima + 1) / (starts * (starts - 1)))
 
 
-def different(scores: list[float]) -> int:
+def different(scores: Sequence[float]) -> int:
     """Return the number of different scores, to `REACHED_BEST`."""
     ordered = np.sort(scores)
     return int(np.sum(np.diff(ordered) > REACHED_BEST)) + bool(scores)

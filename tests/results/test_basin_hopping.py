@@ -6,17 +6,18 @@ from itertools import count
 import numpy as np
 import pytest
 
-from lockedjoint.formulations.atlas.collection import improved, page_of
+from lockedjoint.formulations.atlas.collection import improved, page_of, read_page
 from lockedjoint.formulations.atlas.entry import entry
-from lockedjoint.formulations.io.table import Table, row_from
+from lockedjoint.formulations.io.table import Table
 from lockedjoint.formulations.solving.effort import Effort
+from lockedjoint.nlp.errors import FileError
 from results.basin_hopping import basin_hopping
-from results.basin_hopping.basin_hopping import GROWTH, PATIENCE, STUDY, searched
-from results.second_search import second_search
+from results.basin_hopping.basin_hopping import GROWTH, MOST_STARTS, PATIENCE, STUDY, searched
 from results.second_search.hops import BasinHopping
-from results.second_search.second_search import SecondSearchRow, from_starts
+from results.second_search.second_search import SecondSearchRow
+from results.second_search.second_search import searched as searched_before
 from results.second_search.smoothed import SmoothedSearch
-from results.second_search.stopping import least_starts, settled
+from results.second_search.stopping import settled
 
 # An entry with few joints and several optima: some starts of the second search are at the best.
 NAME = "free-mean_2x9_k2"
@@ -38,6 +39,24 @@ def poor(page):
     )
 
 
+@pytest.fixture
+def scripted(monkeypatch, page):
+    """Return a function that replaces the starts' answers by scaled Jacobians of the page."""
+
+    def replaced(factor):
+        calls = []
+
+        def answer(self, rng):
+            calls.append((self.patience, rng.random()))
+            return factor(self.patience, len(calls)) * page.jacobian
+
+        monkeypatch.setattr(BasinHopping, "answer", answer)
+        monkeypatch.setattr(type(page.entry), "holds", lambda *_: True)
+        return calls
+
+    return replaced
+
+
 def test_a_start_goes_on_from_a_poor_optimum_to_the_best(page):
     smoothed = SmoothedSearch.of(page.entry)
     seed, before = poor(page)
@@ -53,94 +72,154 @@ def test_without_patience_it_is_the_second_search(page):
     assert np.array_equal(found, smoothed.answer(np.random.default_rng(4)))
 
 
-def test_a_start_ends_after_hops_without_gain(page, monkeypatch):
-    smoothed = SmoothedSearch.of(page.entry)
-    hops = []
+def hops_from(page, monkeypatch, first, factors, patience):
+    """Return the factors from which hops began, and the one at the end.
+
+    Hop k leads to the page's Jacobian times factor k. Above 1.2 it is none of the entry.
+    """
+    begun = []
 
     def hop(self, jacobian, rng):
-        # The first two gain, the third is not of the entry, the others are worse.
-        hops.append(jacobian)
-        factor = {1: 0.92, 2: 0.94, 3: 1.5}.get(len(hops), 0.5)
-        return factor * page.jacobian
+        begun.append(jacobian[0, 0] / page.jacobian[0, 0])
+        return factors[len(begun) - 1] * page.jacobian
 
-    monkeypatch.setattr(SmoothedSearch, "answer", lambda *_: 0.9 * page.jacobian)
+    monkeypatch.setattr(SmoothedSearch, "answer", lambda *_: first * page.jacobian)
     monkeypatch.setattr(BasinHopping, "_hop", hop)
-    monkeypatch.setattr(type(page.entry), "holds", lambda _, found: np.max(found) < 1.2)
-    found = BasinHopping(page.entry, smoothed, 5).answer(np.random.default_rng(0))
-    assert found == pytest.approx(0.94 * page.jacobian)
-    assert len(hops) == 2 + 5
+    limit = 1.2 * page.jacobian[0, 0]
+    monkeypatch.setattr(type(page.entry), "holds", lambda _, found: found[0, 0] < limit)
+    search = BasinHopping(page.entry, SmoothedSearch.of(page.entry), patience)
+    found = search.answer(np.random.default_rng(0))
+    return begun, found[0, 0] / page.jacobian[0, 0]
 
 
-def test_it_ends_when_the_optima_ask_for_more_starts_than_it_has(page):
-    search = SmoothedSearch.of(page.entry)
-    row, _ = from_starts(page, search, 4, 0, np.inf, most=least_starts(2))
-    whole, _ = from_starts(page, search, 4, 0, np.inf)
-    assert whole.settled
-    assert whole.optima == 3
-    assert not row.settled
-    assert row.optima == 3
-    assert row.starts < least_starts(2)
+def test_hops_begin_from_the_best_and_end_after_some_without_gain(page, monkeypatch):
+    # Hop 4 gains too little to go on for, but is kept; hop 3 is none of the entry.
+    factors = [0.92, 0.94, 1.5, 0.94 + 1e-8, 0.5, 0.6, 0.7]
+    begun, end = hops_from(page, monkeypatch, 0.9, factors, 4)
+    assert begun == pytest.approx([0.9, 0.92, 0.94, 0.94, 0.94 + 1e-8, 0.94 + 1e-8], abs=1e-12)
+    assert end == pytest.approx(0.94 + 1e-8, abs=1e-12)
 
 
-def test_the_patience_grows_until_the_rule_holds(page, monkeypatch):
-    patiences = []
+def test_an_answer_that_is_none_of_the_entry_gets_no_hops(page, monkeypatch):
+    begun, end = hops_from(page, monkeypatch, 1.5, [0.9], 4)
+    assert begun == []
+    assert end == pytest.approx(1.5)
 
-    def answer(self, rng):
-        patiences.append(self.patience)
-        # All starts end at other values, until the patience is the second one.
-        factor = 1 - 1e-3 * len(patiences) if self.patience == PATIENCE else 1.0
-        return factor * page.jacobian
 
-    monkeypatch.setattr(BasinHopping, "answer", answer)
-    monkeypatch.setattr(type(page.entry), "holds", lambda *_: True)
-    row, better = searched(page, 8, 0)
-    few = patiences.count(PATIENCE)
+def test_a_hop_ends_early_far_below_and_stays_where_numbers_fail(page, monkeypatch):
+    smoothed = SmoothedSearch.of(page.entry)
+    search = BasinHopping(page.entry, smoothed, 1)
+    asked = []
+
+    def polished(self, start, enough):
+        asked.append(enough)
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(SmoothedSearch, "polished", polished)
+    monkeypatch.setattr(SmoothedSearch, "answer", lambda *_: page.jacobian)
+    assert np.array_equal(search.answer(np.random.default_rng(0)), page.jacobian)
+    assert asked == pytest.approx([np.log(float(page.value)) - 1e-3], abs=1e-6)
+
+
+def test_the_patience_grows_where_there_are_many_optima(page, scripted):
+    # All starts end at other values, until the patience is the second one.
+    calls = scripted(lambda patience, k: 1 - 1e-3 * k * (patience == PATIENCE))
+    rows, better = searched(page, 1, 0)
+    patiences = [patience for patience, _ in calls]
     # With six optima the rule asks for more than 70 starts.
-    assert few == 6
-    assert patiences[few:] == [GROWTH * PATIENCE] * 8
-    assert row.settled
-    assert (row.patience, row.starts, row.optima, row.reached) == (80, 8, 1, 8)
-    assert better == []
+    assert patiences == [PATIENCE] * 6 + [GROWTH * PATIENCE] * 8
+    assert [(row.patience, row.starts, row.optima) for row in rows] == [(20, 6, 6), (80, 8, 1)]
+    assert [(row.reached, row.settled) for row in rows] == [(0, False), (8, True)]
+    assert better is None
+    # Other random numbers with each patience, and with each seed.
+    scripted(lambda *_: 1.0)
+    searched(page, 1, 1)
+    assert len({number for _, number in calls}) == len(calls)
 
 
-def test_the_row_and_the_pages_are_of_the_best(page):
+def test_the_patience_grows_where_the_best_is_not_reached(page, scripted):
+    calls = scripted(lambda patience, _: 0.9 if patience == PATIENCE else 1.0)
+    rows, _ = searched(page, 1, 0)
+    assert [row.starts for row in rows] == [MOST_STARTS, 8]
+    assert [patience for patience, _ in calls].count(PATIENCE) == MOST_STARTS
+    assert [row.settled for row in rows] == [False, True]
+    # More starts may be asked for than the rule gets otherwise.
+    scripted(lambda *_: 1.0)
+    rows, _ = searched(page, 80, 0)
+    assert [(row.starts, row.settled) for row in rows] == [(80, True)]
+
+
+def test_what_is_found_with_a_small_patience_counts_with_the_next(page, scripted, monkeypatch):
+    # The first patience finds the best once and ends; the others are 1e-3 below it.
     worse = improved(page.entry, poor(page)[1], replace(page.found, by="me"), None)
-    row, better = searched(worse, 8, 0)
-    assert row.settled
-    assert settled(row.starts, row.optima, row.reached)
-    assert row.value == float(worse.value)
-    assert row.above == row.best - row.value > 1e-3
-    assert row.best == pytest.approx(float(page.value), abs=1e-9)
-    assert [float(one.value) for one in better] == pytest.approx([float(page.value)])
-    assert "basin hopping with a patience of 20" in better[0].found.statement
+    scripted(lambda _, k: 1.0 if k == 1 else 1 - 1e-3 - 1e-5 * min(k, 7))
+    seconds = iter(np.arange(0, 1e6, 50.0))
+    monkeypatch.setattr("results.second_search.tally.process_time", lambda: next(seconds))
+    rows, better = searched(worse, 1, 0)
+    first, *others = rows
+    assert first.best == pytest.approx(float(page.value), abs=1e-9)
+    assert (first.starts, first.reached, first.optima) == (6, 1, 6)
+    assert first.cpu_seconds == 350
+    # 20 minutes are 24 steps of this clock: after seven of the first, those left.
+    assert [row.patience for row in others] == [80]
+    assert others[0].starts == 17
+    assert (others[0].reached, others[0].settled) == (0, False)
+    for row in rows:
+        assert row.above == row.best - row.value
+        assert (row.value, row.mark) == (float(worse.value), worse.mark)
+    assert float(better.value) == pytest.approx(float(page.value), abs=1e-9)
+    # These starts are not counted as random starts of the entry.
+    assert (better.found.starts, better.found.reached_best) == (worse.found.starts, 0)
+    assert better.found.statement == "second search, with basin hopping"
+    assert better.history[-1]["found"]["by"] == "me"
+    assert len(better.history) == 1
 
 
-def test_no_time_is_a_row_that_is_not_settled(page, monkeypatch):
+def test_a_better_jacobian_is_found_and_returned(page):
+    worse = improved(page.entry, poor(page)[1], replace(page.found, by="me"), None)
+    rows, better = searched(worse, 1, 0)
+    assert rows[-1].settled
+    assert settled(rows[-1].answers, rows[-1].optima, rows[-1].reached)
+    assert rows[-1].best == pytest.approx(float(page.value), abs=1e-9)
+    assert float(better.value) == pytest.approx(float(page.value), abs=1e-9)
+
+
+def test_no_answers_are_a_row_that_is_not_settled(page, monkeypatch):
     monkeypatch.setattr(basin_hopping, "LIMIT_SECONDS", 0.0)
     monkeypatch.setattr(BasinHopping, "answer", lambda *_: 2 * page.jacobian)
-    row, better = searched(page, 4, 0)
-    assert (row.starts, row.optima, row.reached, row.settled) == (4, 0, 0, False)
+    (row,), better = searched(page, 4, 0)
+    assert (row.starts, row.answers, row.optima, row.reached) == (4, 0, 0, 0)
+    assert not row.settled
     assert np.isnan(row.best)
     assert np.isnan(row.above)
-    assert better == []
+    assert better is None
 
 
 def test_its_entries_are_those_at_which_the_second_search_did_not_settle(tmp_path, monkeypatch):
     names = (NAME, "free-mean_2x7_k2", "free-mean_2x7_k3")
-    pages = [page_of(entry(name)) for name in names]
+    best = [page_of(entry(name)) for name in names]
+    worse = improved(best[0].entry, poor(best[0])[1], replace(best[0].found, by="me"), None)
     rows = []
-    for page, held in zip(pages, (False, True, False), strict=True):
-        row, _ = from_starts(page, SmoothedSearch.of(page.entry), 1, 0, 0.0)
+    for page, held in zip(best, (False, True, False), strict=True):
+        row, _ = searched_before(page, 1, 0)
         rows.append(replace(row, settled=held))
+    monkeypatch.setattr(basin_hopping, "_SECOND_SEARCH", tmp_path)
+    with pytest.raises(FileError, match="the second search's table"):
+        next(STUDY.compute(Effort(0, None, 1, lambda _: None), tmp_path))
     table = Table(SecondSearchRow, rows).csv()
     (tmp_path / "second_search.csv").write_text(table, encoding="utf-8")
-    monkeypatch.setattr(basin_hopping, "_SECOND_SEARCH", tmp_path)
-    assert second_search.STUDY.read(tmp_path)["second_search"] == rows
-    done = STUDY.run(tmp_path / "out", Effort(0, None, 1, lambda _: None))
+    monkeypatch.setattr(basin_hopping, "read_atlas", lambda: [worse, *best[1:]])
+    done = STUDY.run(tmp_path / "out", Effort(3, 9, 1, lambda _: None))
     assert done.complete
     assert {row.entry for row in done.rows} == {NAME, "free-mean_2x7_k3"}
+    assert min(row.starts for row in done.rows if row.settled) >= 9
     text = (tmp_path / "out" / "basin_hopping.md").read_text(encoding="utf-8")
-    assert "did not settle at 2 entries" in text
-    assert "for 2 the stopping rule held" in text
-    assert "rule did not hold" not in text
-    assert row_from(type(done.rows[0]), done.rows[0]) == done.rows[0]
+    assert "For 2 entries the stopping rule" in text
+    assert "the best value known for 2 of them, and for 2 the rule held. For 1 entries" in text
+    assert "did not hold\n" not in text
+    written = read_page(tmp_path / "out" / "better" / f"{NAME}.json")
+    assert float(written.value) == pytest.approx(float(best[0].value), abs=1e-9)
+    # With another seed the starts are others.
+    again, _ = searched(best[2], 9, 0)
+    theirs = [row.best for row in done.rows if row.entry == "free-mean_2x7_k3"]
+    assert [row.best for row in again] != theirs
