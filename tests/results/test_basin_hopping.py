@@ -195,6 +195,31 @@ def test_no_answers_are_a_row_that_is_not_settled(page, monkeypatch):
     assert better is None
 
 
+def test_a_start_whose_numbers_fail_has_no_answer(page, scripted):
+    def factor(patience, k):
+        if k % 2:
+            raise np.linalg.LinAlgError
+        return 1.0
+
+    scripted(factor)
+    (row,), _ = searched(page, 1, 0)
+    assert (row.starts, row.answers, row.reached, row.settled) == (16, 8, 8, True)
+
+
+def test_the_finding_counts_entries_not_rows(page, scripted):
+    scripted(lambda *_: 1.0)
+    (row,), _ = searched(page, 1, 0)
+    better = replace(row, entry="better", above=1e-3)
+    reached = replace(row, entry="reached", above=1e-12, settled=False)
+    missed = replace(reached, entry="missed", above=-0.1, reached=0)
+    rows = [better, reached, replace(reached, patience=80), missed]
+    assert STUDY.finding({"basin_hopping": rows}) == (
+        "For 3 entries the stopping rule of the second search did not hold. Basin hopping "
+        "reached the best value known for 2 of them, and for 1 the rule held. For 1 entries "
+        "its Jacobian was better than that of the atlas before, by more than 1e-9."
+    )
+
+
 def test_its_entries_are_those_at_which_the_second_search_did_not_settle(tmp_path, monkeypatch):
     names = (NAME, "free-mean_2x7_k2", "free-mean_2x7_k3")
     best = [page_of(entry(name)) for name in names]
