@@ -15,6 +15,7 @@ from results.second_search.columns import Columns
 from results.second_search.second_search import searched
 from results.second_search.smoothed import SmoothedSearch
 from results.second_search.stopping import OFTEN, least_starts, settled, unseen_share
+from results.second_search.tally import Limits, tally
 
 # Step of finite differences, and how far they may be from slopes of size one.
 STEP = 1e-6
@@ -219,3 +220,40 @@ def test_a_polish_that_does_not_reach_enough_is_the_only_one(monkeypatch):
         end = search.polished(point, enough)
         assert len(polishes) == expected
         assert np.array_equal(end, whole) == (expected == number)
+
+
+class Scripted:
+    """A search whose answers are a Jacobian times factors; numbers fail where one is None."""
+
+    def __init__(self, jacobian, factors):
+        self.jacobian = jacobian
+        self.factors = iter(factors)
+
+    def answer(self, _):
+        factor = next(self.factors)
+        if factor is None:
+            raise np.linalg.LinAlgError
+        return factor * self.jacobian
+
+
+def scripted_tally(monkeypatch, factors, limits):
+    page = page_of(entry("free-mean_2x7_k3"))
+    monkeypatch.setattr(type(page.entry), "holds", lambda *_: True)
+    search = Scripted(page.jacobian, factors)
+    return tally(page.entry, search, (0,), limits, float(page.value))
+
+
+def test_a_start_whose_numbers_fail_has_no_answer(monkeypatch):
+    done = scripted_tally(monkeypatch, cycle([None, 1.0]), Limits(1, np.inf))
+    assert (done.starts, done.answers, done.reached, done.settled) == (16, 8, 8, True)
+
+
+def test_starts_end_where_the_optima_ask_for_more_or_there_are_the_most(monkeypatch):
+    # With six optima the rule asks for more than 70 starts.
+    many = (1 - 1e-3 * k for k in count(1))
+    done = scripted_tally(monkeypatch, many, Limits(1, np.inf, 70))
+    assert (done.starts, done.optima, done.reached, done.settled) == (6, 6, 0, False)
+    assert least_starts(5) <= 70 < least_starts(6)
+    # The best is never reached.
+    done = scripted_tally(monkeypatch, cycle([0.9]), Limits(1, np.inf, 70))
+    assert (done.starts, done.optima, done.settled) == (70, 1, False)
