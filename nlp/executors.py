@@ -20,11 +20,12 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
+    ThreadPoolExecutor,
     as_completed,
     wait,
 )
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from multiprocessing import current_process, resource_tracker
 from typing import Any, TypeVar
 
@@ -131,22 +132,31 @@ class LocalExecutor(Executor):
             If no process can be started.
         """
         try:
-            with _interrupts_wait():
-                try:
-                    future: Future[Any] = self._started().submit(call, *arguments, **more)
-                except RuntimeError:  # a process, or another thread, ended the pool
-                    self._pool = None
-                    future = self._started().submit(call, *arguments, **more)
-                # Before an interrupt is heard, because `shutdown` waits for what is in the set.
-                self._under_way.add(future)
+            submitting = _submitter(os.getpid()).submit(self._submitted, call, arguments, more)
+            return submitting.result()
         except OSError as reason:
             raise WorkerError(f"No process can be started: {reason}.") from reason
+
+    def _submitted(
+        self, call: Callable[..., Any], arguments: tuple[Any, ...], more: dict[str, Any]
+    ) -> Future[Any]:
+        """Submit a call, in the thread of `_submitter`, where no interrupt ends it halfway."""
+        try:
+            future: Future[Any] = self._started().submit(call, *arguments, **more)
+        except RuntimeError:  # a process, or another thread, ended the pool
+            self._pool = None
+            future = self._started().submit(call, *arguments, **more)
+        self._under_way.add(future)
         future.add_done_callback(self._ended)
         return future
 
     def _ended(self, call: Future[Any]) -> None:
         if not call.cancelled():  # the pool's thread has yet to see that it is
             self._under_way.discard(call)
+
+    def _settle(self) -> None:
+        """Wait for a submission that goes on although its caller was interrupted."""
+        _submitter(os.getpid()).submit(int).result()
 
     def _started(self) -> Any:
         """Return loky's pool, which is started or taken over at the first call."""
@@ -162,19 +172,16 @@ class LocalExecutor(Executor):
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the processes if they may still work; else the next executor uses them."""
+        self._settle()
         if kind is not None or not all(call.cancelled() for call in self._under_way):
             self.shutdown()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
         """End the processes, those that still work included."""
+        self._settle()
         if self._pool is None:
             return
-        calls = tuple(self._under_way)
-        # A thread that blocks no signals, such as tqdm's, may take one; then an interrupt is
-        # heard within a submission. The pool's thread sees that call before this one.
-        with suppress(RuntimeError):  # a pool that has ended takes none
-            calls += (self._pool.submit(int),)
-        _wait_for_handover(calls)
+        _wait_for_handover(tuple(self._under_way))
         self._pool.shutdown(wait=True, kill_workers=True)
         self._pool = None
 
@@ -188,23 +195,28 @@ def _wait_for_handover(calls: Sequence[Future[Any]]) -> None:
     wait([call for call in calls if call.cancelled()], _HANDOVER_SECONDS)
 
 
-@contextmanager
-def _interrupts_wait() -> Iterator[None]:
-    """Start processes that do not hear Ctrl-C: they inherit which signals this thread blocks.
+@cache
+def _submitter(process: int) -> Executor:  # noqa: ARG001
+    """Return the thread that starts all worker processes of a process and submits to them.
+
+    An interrupt is heard in the main thread only. There it would leave a worker that has
+    started and that nobody knows: nobody ends it, and Python waits for it when it exits. It is
+    one thread because loky has a pool for each.
+    """
+    return ThreadPoolExecutor(1, "submitter", _block_interrupts)
+
+
+def _block_interrupts() -> None:
+    """Let this thread start processes that do not hear Ctrl-C: they inherit what it blocks.
 
     A terminal sends Ctrl-C to all processes, and one that is starting would answer with a
-    traceback. This thread hears a Ctrl-C or a SIGTERM of that moment afterwards.
+    traceback.
     """
     if not hasattr(signal, "pthread_sigmask"):
-        yield
         return
     # The tracker of resources would unblock the signals as it starts: it has to run before.
     resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
 
 
 def _prepare_worker(parent: int) -> None:

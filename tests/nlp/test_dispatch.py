@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from contextlib import suppress
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -17,7 +18,7 @@ import casadi as ca
 import numpy as np
 import psutil
 import pytest
-from loky import get_reusable_executor
+from loky.backend.process import LokyProcess
 
 from lockedjoint.nlp import executors
 from lockedjoint.nlp.errors import WorkerError
@@ -70,7 +71,9 @@ def collect(results):
 
 
 def end_processes():
-    get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
+    with LocalExecutor(1) as executor:
+        executor.submit(int).result()
+        executor.shutdown()
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -110,28 +113,54 @@ def test_multistart_names_the_start_that_kills(tmp_path):
         multistart(parabola, sample, starts=12, workers=2, judge=judge)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_waits_until_a_call_is_known_to_be_under_way(number, monkeypatch):
-    """Else a shutdown would not wait for it, and the pool's thread end with a traceback."""
-    before = signal.signal(number, signal.default_int_handler)
-    try:
-        with LocalExecutor(1) as executor:
-            executor.submit(int).result()
-            pool = executor._started()
-            submit = pool.submit
+@pytest.fixture(params=[signal.SIGINT, signal.SIGTERM])
+def interrupt(request):
+    """Return what sends this process a signal, which raises KeyboardInterrupt in its thread."""
+    before = signal.signal(request.param, signal.default_int_handler)
+    yield partial(os.kill, os.getpid(), request.param)
+    signal.signal(request.param, before)
 
-            def interrupted(*call):
-                future = submit(*call)
-                signal.raise_signal(number)
-                return future
 
-            monkeypatch.setattr(pool, "submit", interrupted)
-            with pytest.raises(KeyboardInterrupt):
-                executor.submit(time.sleep, 60)
-            assert len(executor._under_way) == 1
-            monkeypatch.undo()
-    finally:
-        signal.signal(number, before)
+def test_an_interrupted_submission_is_under_way_at_the_shutdown(interrupt, monkeypatch):
+    """The interrupt is heard at once; the submission ends after it, in a thread of its own."""
+    failed, calls = [], []
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+    with LocalExecutor(1) as executor:
+        executor.submit(int).result()
+        submit = executor._pool.submit
+
+        def interrupted(*call):
+            time.sleep(0.2)  # until the main thread waits
+            interrupt()
+            time.sleep(0.5)
+            calls.append(submit(*call))
+            return calls[0]
+
+        monkeypatch.setattr(executor._pool, "submit", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            executor.submit(time.sleep, 60)
+        assert not calls
+    assert isinstance(calls[0].exception(), RuntimeError)
+    assert not failed
+
+
+def test_an_interrupt_while_a_process_starts_leaves_no_process(interrupt, monkeypatch):
+    """Nobody would end it, and Python would wait for it without an end when it exits."""
+    end_processes()
+    start, started = LokyProcess.start, []
+
+    def interrupted(process):
+        start(process)
+        started.append(process.pid)
+        time.sleep(0.2)  # until the main thread waits
+        interrupt()
+        time.sleep(0.2)
+
+    monkeypatch.setattr(LokyProcess, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt), LocalExecutor(1) as executor:
+        executor.submit(time.sleep, 60)
+    assert len(started) == 1
+    assert not psutil.pid_exists(started[0])
 
 
 def test_a_shutdown_waits_until_the_pool_has_seen_that_a_call_is_cancelled():
@@ -147,26 +176,6 @@ def test_a_shutdown_waits_until_the_pool_has_seen_that_a_call_is_cancelled():
     threading.Timer(0.1, call.set_running_or_notify_cancel).start()
     executor.shutdown()
     assert seen == [{call}]
-
-
-def test_an_interrupt_within_a_submission_leaves_no_call_unseen(monkeypatch):
-    """Before the pool's thread is woken; at the shutdown it would end with a KeyError."""
-    heard = []
-
-    def interrupted():
-        if heard:
-            return wakeup()
-        heard.append(True)
-        raise KeyboardInterrupt
-
-    with LocalExecutor(1) as executor:
-        executor.submit(int).result()
-        thread = executor._pool._executor_manager_thread_wakeup
-        wakeup = thread.wakeup
-        monkeypatch.setattr(thread, "wakeup", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            executor.submit(int)
-        executor.shutdown()
 
 
 def test_a_worker_ends_with_sigterm():
@@ -238,8 +247,11 @@ def test_threads_share_the_processes():
 
 
 def workers_of(process=None):
-    children = (process or psutil.Process()).children()
-    return [child for child in children if "popen_loky" in " ".join(child.cmdline())]
+    workers = []
+    for child in (process or psutil.Process()).children():
+        with suppress(psutil.ZombieProcess):  # one that has ended, and that nobody waited for
+            workers += [child] * ("popen_loky" in " ".join(child.cmdline()))
+    return workers
 
 
 ORPHANS = """
