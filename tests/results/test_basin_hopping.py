@@ -10,12 +10,24 @@ from lockedjoint.formulations.atlas.entry import entry
 from lockedjoint.formulations.io.table import Table
 from lockedjoint.formulations.solving.effort import Effort
 from lockedjoint.nlp.errors import FileError
+from results.atlas.search import symmetric_climb
 from results.basin_hopping import basin_hopping
-from results.basin_hopping.basin_hopping import GROWTH, MOST_STARTS, PATIENCE, STUDY, searched
+from results.basin_hopping.basin_hopping import (
+    GROWTH,
+    MOST_STARTS,
+    PATIENCE,
+    RANDOM,
+    STUDY,
+    SYMMETRIC,
+    searched,
+)
+from results.basin_hopping.symmetric import SymmetricStarts
 from results.second_search.hops import BasinHopping
 from results.second_search.second_search import SecondSearchRow
 from results.second_search.second_search import searched as searched_before
+from results.second_search.smoothed import SmoothedSearch
 from results.second_search.stopping import settled
+from results.second_search.tally import Limits, tally
 from tests.results.test_hops import NAME, poor
 
 
@@ -77,14 +89,17 @@ def test_what_is_found_with_a_small_patience_counts_with_the_next(page, scripted
     seconds = iter(np.arange(0, 1e6, 50.0))
     monkeypatch.setattr("results.second_search.tally.process_time", lambda: next(seconds))
     rows, better = searched(worse, 1, 0)
-    first, *others = rows
+    first, second, symmetric = rows
     assert first.best == pytest.approx(float(page.value), abs=1e-9)
     assert (first.starts, first.reached, first.optima) == (6, 1, 6)
     assert first.cpu_seconds == 350
     # 20 minutes are 24 steps of this clock: after seven of the first, those left.
-    assert [row.patience for row in others] == [80]
-    assert others[0].starts == 17
-    assert (others[0].reached, others[0].settled) == (0, False)
+    assert (second.patience, second.starts) == (80, 17)
+    assert (second.reached, second.settled) == (0, False)
+    # Then 20 minutes more for starts that begin from symmetric Jacobians.
+    assert [row.begins for row in rows] == [RANDOM, RANDOM, SYMMETRIC]
+    assert (symmetric.patience, symmetric.starts) == (80, 24)
+    assert (symmetric.reached, symmetric.settled) == (0, False)
     for row in rows:
         assert row.above == row.best - row.value
         assert (row.value, row.mark) == (float(worse.value), worse.mark)
@@ -108,12 +123,54 @@ def test_a_better_jacobian_is_found_and_returned(page):
 def test_no_answers_are_a_row_that_is_not_settled(page, monkeypatch):
     monkeypatch.setattr(basin_hopping, "LIMIT_SECONDS", 0.0)
     monkeypatch.setattr(BasinHopping, "answer", lambda *_: 2 * page.jacobian)
-    (row,), better = searched(page, 4, 0)
-    assert (row.starts, row.answers, row.optima, row.reached) == (4, 0, 0, 0)
-    assert not row.settled
-    assert np.isnan(row.best)
-    assert np.isnan(row.above)
+    rows, better = searched(page, 4, 0)
+    assert [row.begins for row in rows] == [RANDOM, SYMMETRIC]
+    for row in rows:
+        assert (row.starts, row.answers, row.optima, row.reached) == (4, 0, 0, 0)
+        assert not row.settled
+        assert np.isnan(row.best)
+        assert np.isnan(row.above)
     assert better is None
+
+
+def test_entries_without_symmetric_starts_end_when_their_time_is_spent(monkeypatch):
+    monkeypatch.setattr(basin_hopping, "LIMIT_SECONDS", 0.0)
+    page = page_of(entry("rotor_6x8_k2"))
+    monkeypatch.setattr(BasinHopping, "answer", lambda *_: 0.5 * page.jacobian)
+    (row,), _ = searched(page, 1, 0)
+    assert (row.begins, row.starts) == (RANDOM, 1)
+
+
+def test_symmetric_starts_begin_from_the_best_of_their_climbs(page):
+    drawn = np.random.default_rng(5)
+    climbs = [symmetric_climb(page.entry, drawn) for _ in range(30)]
+    scores = [page.entry.score(climb[0]) for climb in climbs if climb is not None]
+    begin = SymmetricStarts(page.entry, 30)
+    found = begin.answer(np.random.default_rng(5))
+    assert page.entry.holds(found)
+    assert page.entry.score(found) == max(scores) > min(scores)
+    # The hops go on from there, without the symmetry.
+    search = BasinHopping(page.entry, SmoothedSearch.of(page.entry), 40, begin)
+    later = search.answer(np.random.default_rng(5))
+    assert page.entry.score(later) > max(scores) + 1e-3
+    alone = BasinHopping(page.entry, SmoothedSearch.of(page.entry), 0, begin)
+    assert np.array_equal(alone.answer(np.random.default_rng(5)), found)
+
+
+def test_symmetric_starts_that_cannot_climb_have_no_answer(page, monkeypatch):
+    monkeypatch.setattr("results.basin_hopping.symmetric.symmetric_climb", lambda *_: None)
+    search = BasinHopping(
+        page.entry, SmoothedSearch.of(page.entry), 3, SymmetricStarts(page.entry, 2)
+    )
+    done = tally(page.entry, search, (0,), Limits(3, 0.0), float(page.value))
+    assert (done.starts, done.answers) == (3, 0)
+
+
+def test_a_symmetric_start_finds_what_1460_random_ones_did_not():
+    page = page_of(entry("unit-revolute_6x9_k3"))
+    found = SymmetricStarts(page.entry, 300).answer(np.random.default_rng(2))
+    assert page.entry.holds(found)
+    assert page.entry.score(found) == pytest.approx(float(page.value), abs=1e-9)
 
 
 def test_a_start_whose_numbers_fail_has_no_answer(page, scripted):
