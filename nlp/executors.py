@@ -20,13 +20,11 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ThreadPoolExecutor,
     as_completed,
     wait,
 )
 from dataclasses import dataclass, replace
-from functools import cache
-from multiprocessing import current_process, resource_tracker
+from multiprocessing import current_process
 from typing import Any, TypeVar
 
 from loky import cpu_count, get_reusable_executor
@@ -34,6 +32,7 @@ from loky import cpu_count, get_reusable_executor
 from lockedjoint.nlp.errors import WorkerError
 from lockedjoint.nlp.progress import Step
 from lockedjoint.nlp.starts import Chunk, ChunkResult, FailedStart, RunChunk
+from lockedjoint.nlp.submitter import Submitter
 
 Part = TypeVar("Part")
 # Bytes up to which glibc takes memory from its own heap, and bytes at the heap's end that it
@@ -65,6 +64,8 @@ _PARENT_PULSE_SECONDS = 1.0
 _CHUNKS_PER_CORE = 2
 # Number of attempts of a start that ends its worker, as the only start under way.
 _ATTEMPTS = 2
+# What starts the processes and submits calls to them.
+_SUBMITTER = Submitter()
 
 
 def default_workers() -> int:
@@ -98,12 +99,12 @@ def in_groups(
 
 
 class LocalExecutor(Executor):
-    """Worker processes of this machine: the pool of loky, which the whole process shares.
+    """Worker processes of this machine: the pool of loky, which a thread's blocks share.
 
     Use it in a ``with`` block. Processes serve the next block, too, and end after ten seconds
     without work; if calls are still under way at the end of the block all are ended. If a
-    process ends, all calls under way raise `BrokenExecutor`, those of other threads included,
-    and the next call gets new processes.
+    process ends, all calls under way in the pool raise `BrokenExecutor`, and the next call gets
+    new processes.
 
     Parameters
     ----------
@@ -132,15 +133,14 @@ class LocalExecutor(Executor):
             If no process can be started.
         """
         try:
-            submitting = _submitter(os.getpid()).submit(self._submitted, call, arguments, more)
-            return submitting.result()
+            return _SUBMITTER.call(self._submitted, call, arguments, more)
         except OSError as reason:
             raise WorkerError(f"No process can be started: {reason}.") from reason
 
     def _submitted(
         self, call: Callable[..., Any], arguments: tuple[Any, ...], more: dict[str, Any]
     ) -> Future[Any]:
-        """Submit a call, in the thread of `_submitter`, where no interrupt ends it halfway."""
+        """Submit a call, in a thread where no interrupt ends this halfway."""
         try:
             future: Future[Any] = self._started().submit(call, *arguments, **more)
         except RuntimeError:  # a process, or another thread, ended the pool
@@ -153,10 +153,6 @@ class LocalExecutor(Executor):
     def _ended(self, call: Future[Any]) -> None:
         if not call.cancelled():  # the pool's thread has yet to see that it is
             self._under_way.discard(call)
-
-    def _settle(self) -> None:
-        """Wait for a submission that goes on although its caller was interrupted."""
-        _submitter(os.getpid()).submit(int).result()
 
     def _started(self) -> Any:
         """Return loky's pool, which is started or taken over at the first call."""
@@ -172,13 +168,13 @@ class LocalExecutor(Executor):
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """End the processes if they may still work; else the next executor uses them."""
-        self._settle()
+        _SUBMITTER.settle()
         if kind is not None or not all(call.cancelled() for call in self._under_way):
             self.shutdown()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002
         """End the processes, those that still work included."""
-        self._settle()
+        _SUBMITTER.settle()
         if self._pool is None:
             return
         _wait_for_handover(tuple(self._under_way))
@@ -193,30 +189,6 @@ def _wait_for_handover(calls: Sequence[Future[Any]]) -> None:
         time.sleep(_HANDOVER_PULSE_SECONDS)
     # A cancelled call is done at once; `wait` waits until the thread has seen it, too.
     wait([call for call in calls if call.cancelled()], _HANDOVER_SECONDS)
-
-
-@cache
-def _submitter(process: int) -> Executor:  # noqa: ARG001
-    """Return the thread that starts all worker processes of a process and submits to them.
-
-    An interrupt is heard in the main thread only. There it would leave a worker that has
-    started and that nobody knows: nobody ends it, and Python waits for it when it exits. It is
-    one thread because loky has a pool for each.
-    """
-    return ThreadPoolExecutor(1, "submitter", _block_interrupts)
-
-
-def _block_interrupts() -> None:
-    """Let this thread start processes that do not hear Ctrl-C: they inherit what it blocks.
-
-    A terminal sends Ctrl-C to all processes, and one that is starting would answer with a
-    traceback.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        return
-    # The tracker of resources would unblock the signals as it starts: it has to run before.
-    resource_tracker.ensure_running()
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
 
 
 def _prepare_worker(parent: int) -> None:

@@ -10,7 +10,8 @@ import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import partial
-from multiprocessing import get_context
+from importlib.metadata import version
+from multiprocessing import get_context, resource_tracker
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -26,8 +27,10 @@ from lockedjoint.nlp.executors import LocalExecutor, dispatch
 from lockedjoint.nlp.multistart import multistart
 from lockedjoint.nlp.problem import Problem
 from lockedjoint.nlp.starts import Chunk, Task, packed
+from lockedjoint.nlp.submitter import Submitter
 
 pytestmark = pytest.mark.processes
+LOKY = tuple(int(number) for number in version("loky").split(".")[:2])
 
 
 def parabola():
@@ -121,9 +124,10 @@ def interrupt(request):
     signal.signal(request.param, before)
 
 
-def test_an_interrupted_submission_is_under_way_at_the_shutdown(interrupt, monkeypatch):
+@pytest.mark.parametrize("explicit", [True, False])
+def test_an_interrupted_submission_is_under_way_at_the_end(interrupt, monkeypatch, explicit):
     """The interrupt is heard at once; the submission ends after it, in a thread of its own."""
-    failed, calls = [], []
+    failed, calls, heard = [], [], threading.Event()
     monkeypatch.setattr(threading, "excepthook", failed.append)
     with LocalExecutor(1) as executor:
         executor.submit(int).result()
@@ -132,14 +136,19 @@ def test_an_interrupted_submission_is_under_way_at_the_shutdown(interrupt, monke
         def interrupted(*call):
             time.sleep(0.2)  # until the main thread waits
             interrupt()
-            time.sleep(0.5)
+            heard.wait(10)
+            time.sleep(0.2)
             calls.append(submit(*call))
             return calls[0]
 
         monkeypatch.setattr(executor._pool, "submit", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            executor.submit(time.sleep, 60)
+            executor.submit(time.sleep, 10)
         assert not calls
+        heard.set()
+        if explicit:
+            executor.shutdown()
+            assert calls[0].done()
     assert isinstance(calls[0].exception(), RuntimeError)
     assert not failed
 
@@ -147,20 +156,104 @@ def test_an_interrupted_submission_is_under_way_at_the_shutdown(interrupt, monke
 def test_an_interrupt_while_a_process_starts_leaves_no_process(interrupt, monkeypatch):
     """Nobody would end it, and Python would wait for it without an end when it exits."""
     end_processes()
-    start, started = LokyProcess.start, []
+    start, started, blocked = LokyProcess.start, [], []
 
     def interrupted(process):
         start(process)
         started.append(process.pid)
+        status = Path(f"/proc/{process.pid}/status")
+        if status.exists():
+            words = status.read_text(encoding="ascii").split()
+            blocked.append(int(words[words.index("SigBlk:") + 1], 16))
         time.sleep(0.2)  # until the main thread waits
         interrupt()
         time.sleep(0.2)
 
     monkeypatch.setattr(LokyProcess, "start", interrupted)
     with pytest.raises(KeyboardInterrupt), LocalExecutor(1) as executor:
-        executor.submit(time.sleep, 60)
+        executor.submit(time.sleep, 10)
     assert len(started) == 1
     assert not psutil.pid_exists(started[0])
+    # It does not hear a Ctrl-C in the terminal: signal k is bit k − 1.
+    ctrl_c = 1 << signal.SIGINT - 1
+    assert all(mask & ctrl_c for mask in blocked)
+
+
+def test_an_interrupt_while_the_second_thread_starts_ends_it(interrupt, monkeypatch):
+    """Its pool would not know it, and Python would wait for it without an end."""
+    start, started = threading.Thread.start, []
+
+    def interrupted(thread):
+        start(thread)
+        if thread.name.startswith("submitter"):
+            started.append(thread)
+            interrupt()
+            time.sleep(0.2)
+
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
+    submitter = Submitter()
+    with pytest.raises(KeyboardInterrupt):
+        submitter.call(int)
+    monkeypatch.undo()
+    started[0].join(timeout=10)
+    assert not started[0].is_alive()
+    submitter.settle()
+    assert submitter.call(abs, -3) == 3
+
+
+def test_a_second_thread_that_cannot_start_processes_is_one_sentence(monkeypatch):
+    def fails():
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(executors, "_SUBMITTER", Submitter())
+    monkeypatch.setattr(resource_tracker, "ensure_running", fails)
+    no_process = pytest.raises(WorkerError, match="No process can be started: no more")
+    with no_process, LocalExecutor(1) as executor:
+        executor.submit(int)
+    monkeypatch.setattr(resource_tracker, "ensure_running", lambda: None)
+    with LocalExecutor(1) as executor:
+        assert executor.submit(int).result() == 0
+
+
+@pytest.mark.skipif(LOKY < (3, 7), reason="before loky 3.7 all threads share one pool")
+def test_a_thread_leaves_while_another_one_works():
+    """They want other numbers of processes; an exception in one thread ends its own only."""
+    begun = threading.Event()
+
+    def works():
+        with LocalExecutor(1) as executor:
+            call = executor.submit(time.sleep, 5)
+            begun.set()
+            call.result()
+            return time.monotonic()
+
+    with ThreadPoolExecutor(1) as threads:
+        ended = threads.submit(works)
+        begun.wait(60)
+        with suppress(ZeroDivisionError), LocalExecutor(2) as executor:
+            executor.submit(int).result()
+            raise ZeroDivisionError
+        left = time.monotonic()
+        assert left < ended.result()
+
+
+def used_in_a_child(connection):
+    executors._IDLE_SECONDS = 1.0
+    with LocalExecutor(1) as executor:
+        connection.send(executor.submit(abs, -4).result())
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_child_has_processes_of_its_own():
+    with LocalExecutor(1) as executor:
+        executor.submit(int).result()
+    here, there = get_context("fork").Pipe()
+    child = get_context("fork").Process(target=used_in_a_child, args=(there,))
+    child.start()
+    assert here.poll(60)
+    assert here.recv() == 4
+    child.join(60)
+    assert child.exitcode == 0
 
 
 def test_a_shutdown_waits_until_the_pool_has_seen_that_a_call_is_cancelled():
