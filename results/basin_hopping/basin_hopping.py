@@ -44,8 +44,8 @@ LIMIT_SECONDS = 1200.0
 RANDOM = "random"
 #: Where starts begin: at the best of many optima that are symmetric.
 SYMMETRIC = "symmetric"
-#: Number of climbs of which the best begins a symmetric start.
-CLIMBS = 4000
+#: Number of symmetric Jacobians drawn for a start, which begins from the best of their climbs.
+DRAWS = 4000
 #: The first patience of symmetric starts.
 SYMMETRIC_PATIENCE = 80
 # The folder of the second search's table.
@@ -107,6 +107,7 @@ def searched(
     begins, patience = RANDOM, PATIENCE
     rows: list[BasinHoppingRow] = []
     highest: Tally | None = None
+    statement = ""
     while True:
         limits = Limits(least, LIMIT_SECONDS - spent, max(MOST_STARTS, least))
         seeds = (_STREAMS[begins], seed, patience)
@@ -114,6 +115,7 @@ def searched(
         rows.append(_row(page, begins, patience, done))
         if done.best > known:
             known, highest = done.best, done
+            statement = f"second search, with basin hopping, from {begins} starts"
         spent += done.cpu_seconds
         if done.settled:
             break
@@ -126,13 +128,12 @@ def searched(
     if highest is None:
         return rows, None
     # Random starts on record are of other searches: these ones do not count as such.
-    statement = "second search, with basin hopping"
     return rows, better_page(page, highest.jacobian, statement, page.found.starts, 0)
 
 
 def _search(asked: Entry, begins: str, patience: int) -> BasinHopping:
     """Return the search of an entry with starts that begin so, with a patience."""
-    begin = SymmetricStarts(asked, CLIMBS) if begins == SYMMETRIC else None
+    begin = SymmetricStarts(asked, DRAWS) if begins == SYMMETRIC else None
     return BasinHopping(asked, SmoothedSearch.of(asked), patience, begin)
 
 

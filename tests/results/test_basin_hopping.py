@@ -13,12 +13,14 @@ from lockedjoint.nlp.errors import FileError
 from results.atlas.search import symmetric_climb
 from results.basin_hopping import basin_hopping
 from results.basin_hopping.basin_hopping import (
+    DRAWS,
     GROWTH,
     MOST_STARTS,
     PATIENCE,
     RANDOM,
     STUDY,
     SYMMETRIC,
+    SYMMETRIC_PATIENCE,
     searched,
 )
 from results.basin_hopping.symmetric import SymmetricStarts
@@ -38,14 +40,18 @@ def page():
 
 @pytest.fixture
 def scripted(monkeypatch, page):
-    """Return a function that replaces the starts' answers by scaled Jacobians of the page."""
+    """Return a function that replaces the starts' answers by scaled Jacobians of the page.
+
+    The factor is a function of the search and of the number of starts so far. What it returns
+    is the list of starts: their searches, and a random number of each.
+    """
 
     def replaced(factor):
         calls = []
 
         def answer(self, rng):
-            calls.append((self.patience, rng.random()))
-            return factor(self.patience, len(calls)) * page.jacobian
+            calls.append((self, rng.random()))
+            return factor(self, len(calls)) * page.jacobian
 
         monkeypatch.setattr(BasinHopping, "answer", answer)
         monkeypatch.setattr(type(page.entry), "holds", lambda *_: True)
@@ -56,9 +62,9 @@ def scripted(monkeypatch, page):
 
 def test_the_patience_grows_where_there_are_many_optima(page, scripted):
     # All starts end at other values, until the patience is the second one.
-    calls = scripted(lambda patience, k: 1 - 1e-3 * k * (patience == PATIENCE))
+    calls = scripted(lambda search, k: 1 - 1e-3 * k * (search.patience == PATIENCE))
     rows, better = searched(page, 1, 0)
-    patiences = [patience for patience, _ in calls]
+    patiences = [search.patience for search, _ in calls]
     # With six optima the rule asks for more than 70 starts.
     assert patiences == [PATIENCE] * 6 + [GROWTH * PATIENCE] * 8
     assert [(row.patience, row.starts, row.optima) for row in rows] == [(20, 6, 6), (80, 8, 1)]
@@ -71,10 +77,10 @@ def test_the_patience_grows_where_there_are_many_optima(page, scripted):
 
 
 def test_the_patience_grows_where_the_best_is_not_reached(page, scripted):
-    calls = scripted(lambda patience, _: 0.9 if patience == PATIENCE else 1.0)
+    calls = scripted(lambda search, _: 0.9 if search.patience == PATIENCE else 1.0)
     rows, _ = searched(page, 1, 0)
     assert [row.starts for row in rows] == [MOST_STARTS, 8]
-    assert [patience for patience, _ in calls].count(PATIENCE) == MOST_STARTS
+    assert [search.patience for search, _ in calls].count(PATIENCE) == MOST_STARTS
     assert [row.settled for row in rows] == [False, True]
     # More starts may be asked for than the rule gets otherwise.
     scripted(lambda *_: 1.0)
@@ -106,9 +112,37 @@ def test_what_is_found_with_a_small_patience_counts_with_the_next(page, scripted
     assert float(better.value) == pytest.approx(float(page.value), abs=1e-9)
     # These starts are not counted as random starts of the entry.
     assert (better.found.starts, better.found.reached_best) == (worse.found.starts, 0)
-    assert better.found.statement == "second search, with basin hopping"
+    assert better.found.statement == "second search, with basin hopping, from random starts"
     assert better.history[-1]["found"]["by"] == "me"
     assert len(better.history) == 1
+
+
+def test_symmetric_starts_get_time_and_random_numbers_of_their_own(page, scripted, monkeypatch):
+    # Random starts are all poor. Symmetric ones have six optima first, and then the best alone.
+    worse = improved(page.entry, poor(page)[1], replace(page.found, by="me"), None)
+
+    def factor(search, k):
+        if search.begin is None:
+            return 0.9
+        return 0.9 + 1e-3 * (k % 7) if search.patience == SYMMETRIC_PATIENCE else 1.0
+
+    calls = scripted(factor)
+    seconds = iter(np.arange(0, 1e6, 10.0))
+    monkeypatch.setattr("results.second_search.tally.process_time", lambda: next(seconds))
+    rows, better = searched(worse, 1, 0)
+    random = [search for search, _ in calls if search.begin is None]
+    symmetric = [search for search, _ in calls if search.begin is not None]
+    assert [row.begins for row in rows] == [RANDOM, RANDOM, SYMMETRIC, SYMMETRIC]
+    assert [row.patience for row in rows] == [20, 80, 80, 320]
+    assert len(random) == sum(row.starts for row in rows if row.begins == RANDOM)
+    assert {search.patience for search in symmetric} == {80, 320}
+    for search in symmetric:
+        assert isinstance(search.begin, SymmetricStarts)
+        assert (search.begin.asked, search.begin.draws) == (page.entry, DRAWS)
+    assert len({number for _, number in calls}) == len(calls)
+    assert rows[-1].settled
+    assert float(better.value) == pytest.approx(float(page.value), abs=1e-9)
+    assert better.found.statement == "second search, with basin hopping, from symmetric starts"
 
 
 def test_a_better_jacobian_is_found_and_returned(page):
@@ -174,7 +208,7 @@ def test_a_symmetric_start_finds_what_1460_random_ones_did_not():
 
 
 def test_a_start_whose_numbers_fail_has_no_answer(page, scripted):
-    def factor(patience, k):
+    def factor(_, k):
         if k % 2:
             raise np.linalg.LinAlgError
         return 1.0
