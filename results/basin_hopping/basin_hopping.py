@@ -157,7 +157,7 @@ STUDY = study_of(
     compute,
     BasinHoppingRow,
     title="entries at which the second search did not settle, searched by basin hopping",
-    takes="two hours",
+    takes="an hour and a quarter",
     long=True,
 )
 
