@@ -17,6 +17,7 @@ from lockedjoint.commands.output import INTERRUPTED
 from lockedjoint.formulations.comparison import ComparisonRow
 from lockedjoint.formulations.io.files import write_text
 from results.atlas import atlas
+from results.basin_hopping import basin_hopping
 from results.benchmark import benchmark
 from results.bounds import bounds
 from results.comparison import comparison
@@ -68,6 +69,7 @@ STUDIES: Mapping[str, Study] = {
         guaranteed.STUDY,
         atlas.STUDY,
         second_search.STUDY,
+        basin_hopping.STUDY,
         optimisers.STUDY,
         fuzz.STUDY,
         benchmark.study(),

@@ -75,7 +75,7 @@ def search(
             raise InputError("entry", asked.name, allowed)
         one_seed: OneSeed = partial(_hops, SmoothedSearch.of(asked))
     else:
-        if asked.formulation != max_min.NAME or asked.model not in _MODELS:
+        if not has_symmetric_starts(asked):
             allowed = f"an entry of {max_min.NAME} with the model {' or '.join(_MODELS)}"
             raise InputError("entry", asked.name, allowed)
         one_seed = partial(_symmetric, asked)
@@ -104,11 +104,10 @@ def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
     value, words = float(page.value) if page else 0.0, ""
     for number in range(STARTS):
         rng = np.random.default_rng((seed, number))
-        symmetric = SymmetricArm.drawn(asked.arm, rng)
-        start = symmetric.sample(rng)
-        if worst_case_sigma(symmetric.jacobian(start), asked.failures) < _SINGULAR:
+        climb = symmetric_climb(asked, rng)
+        if climb is None:
             continue
-        jacobian = climbed(asked, symmetric, start)
+        jacobian, order = climb
         if worst_case_sigma(jacobian, asked.failures) < _NEAR_BEST * value:
             continue
         start = asked.arm.variables(jacobian)
@@ -117,8 +116,29 @@ def _symmetric(asked: Entry, page: EntryPage | None, seed: int) -> SeedResult:
         sigma = worst_case_sigma(jacobian, asked.failures)
         if sigma > value:
             best, value = jacobian, sigma
-            words = f"from one symmetric under a map of order {symmetric.order}"
+            words = f"from one symmetric under a map of order {order}"
     return SeedResult(best, _found(asked, page, best, words))
+
+
+def has_symmetric_starts(asked: Entry) -> bool:
+    """Whether `symmetric_climb` is for this entry."""
+    return asked.formulation == max_min.NAME and asked.model in _MODELS
+
+
+def symmetric_climb(asked: Entry, rng: np.random.Generator) -> tuple[FloatArray, int] | None:
+    """Climb from a random symmetric Jacobian, among those of its symmetry.
+
+    Returns
+    -------
+    (jacobian, order) or None
+        The Jacobian at the end, shape (m, n), and the order of its map; None if the random one
+        has the worst case 0, from which nothing climbs.
+    """
+    symmetric = SymmetricArm.drawn(asked.arm, rng)
+    start = symmetric.sample(rng)
+    if worst_case_sigma(symmetric.jacobian(start), asked.failures) < _SINGULAR:
+        return None
+    return climbed(asked, symmetric, start), symmetric.order
 
 
 def climbed(asked: Entry, arm: Arm | SymmetricArm, start: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from lockedjoint.formulations.solving.outcome import REACHED_BEST
 from lockedjoint.nlp.arrays import FloatArray
 from results.second_search.columns import Columns
 from results.second_search.smoothed import SmoothedSearch
+from results.second_search.tally import Search
 
 # Probability that a hop moves all joints a little; otherwise it draws some of them anew.
 _SMALL_MOVE = 0.6
@@ -38,18 +39,21 @@ class BasinHopping:
         Its second search.
     patience
         Number of hops in a row that each gain less than 1e-6, after which a start ends.
+    begin
+        What leads to the Jacobian from which the hops begin: by default the second search.
     """
 
     asked: Entry
     smoothed: SmoothedSearch
     patience: int
+    begin: Search | None = None
 
     def answer(self, rng: np.random.Generator) -> FloatArray:
         """Return the Jacobian that one start leads to, (m, n).
 
-        It is none of the entry's if the second search has no answer from this start.
+        It is none of the entry's if that from which the hops would begin is none.
         """
-        best = self.smoothed.answer(rng)
+        best = (self.begin or self.smoothed).answer(rng)
         if not self.asked.holds(best):
             return best
         score, idle = self.asked.score(best), 0
