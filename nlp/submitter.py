@@ -9,6 +9,8 @@ from contextlib import suppress
 from multiprocessing import resource_tracker
 from typing import TypeVar
 
+from loky.backend import resource_tracker as loky_tracker
+
 Result = TypeVar("Result")
 
 
@@ -59,6 +61,8 @@ def _block_interrupts() -> None:
     """
     if not hasattr(signal, "pthread_sigmask"):
         return
-    # The tracker of resources would unblock the signals as it starts: it has to run before.
+    # The trackers of resources, Python's and loky's, may unblock the signals as they start: both
+    # have to run before.
     resource_tracker.ensure_running()
+    loky_tracker.ensure_running()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
