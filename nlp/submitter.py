@@ -61,7 +61,7 @@ def _block_interrupts() -> None:
     """
     if not hasattr(signal, "pthread_sigmask"):
         return
-    # The trackers of resources, Python's and loky's, may unblock the signals as they start: both
+    # The trackers of resources, of Python and loky, may unblock the signals as they start: they
     # have to run before.
     resource_tracker.ensure_running()
     loky_tracker.ensure_running()
