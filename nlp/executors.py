@@ -64,7 +64,7 @@ _PARENT_PULSE_SECONDS = 1.0
 _CHUNKS_PER_CORE = 2
 # Number of attempts of a start that ends its worker, as the only start under way.
 _ATTEMPTS = 2
-# What starts the processes and submits calls to them.
+# Second threads, in which processes are started and calls submitted.
 _SUBMITTER = Submitter()
 
 
